@@ -167,6 +167,7 @@ RENAMED: dict[str, tuple[str, ...]] = {
     "engines.impact_law": ("engines.impact",),
     "engines.joint_coordinates": ("trebucheck_toolkit.joint_coordinates",),
     "engines.joint_tree": ("trebucheck_toolkit.joint_tree",),
+    "engines.given": ("engines.registry",),
     "engines.mujoco.constraints": ("engines.mujoco.build",),
     "engines.mujoco.matrices": ("engines.mujoco.compat",),
     "engines.mujoco.run": ("engines.mujoco.motion",),

@@ -1,10 +1,8 @@
 """Options and output of the command line, for commands of other distributions."""
 
+# Names are given on as they are imported.
+# pyright: reportUnusedImport=false
+
 from __future__ import annotations
 
 from ..cli import options, output
-
-__all__ = [
-    "options",
-    "output",
-]

@@ -1,5 +1,8 @@
 """MuJoCo's model format: writer, scenes and variants, for distributions built on trebucheck."""
 
+# Names are given on as they are imported.
+# pyright: reportUnusedImport=false
+
 from __future__ import annotations
 
 from ..models.mjcf import mjcf_path
@@ -17,25 +20,3 @@ from ..models.mjcf.scene import (
 from ..models.mjcf.tree import joint_values
 from ..models.mjcf.variants import HOLD, PROJECTILE, Thrown, Variant, inertias, released
 from ..models.mjcf.writer import mjcf, model_file
-
-__all__ = [
-    "AZIMUTH",
-    "ELEVATION",
-    "FIELD",
-    "HOLD",
-    "PROJECTILE",
-    "RecordedMotion",
-    "Thrown",
-    "Variant",
-    "corners",
-    "inertias",
-    "joint_values",
-    "line_of_sight",
-    "mjcf",
-    "mjcf_path",
-    "model_file",
-    "released",
-    "scene",
-    "stored_motion",
-    "viewpoint",
-]

@@ -1,5 +1,8 @@
 """Documents, plots and their renderers, for distributions built on trebucheck."""
 
+# Names are given on as they are imported.
+# pyright: reportUnusedImport=false
+
 from __future__ import annotations
 
 from ..comparisons.report import document, markdown
@@ -32,33 +35,3 @@ from ..comparisons.report.plots import (
     Symbol,
     engine_colour,
 )
-
-__all__ = [
-    "Axis",
-    "Block",
-    "Cell",
-    "Code",
-    "Column",
-    "Document",
-    "Figure",
-    "Heading",
-    "Listing",
-    "Mark",
-    "Note",
-    "Panels",
-    "Plot",
-    "Rule",
-    "Series",
-    "Style",
-    "Symbol",
-    "Text",
-    "document",
-    "engine_colour",
-    "format_number",
-    "markdown",
-    "mechanism_as_data",
-    "row",
-    "sentence",
-    "table",
-    "words",
-]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from ..engines.given import Engines, Names
 from ..engines.protocol import Engine
+from ..engines.registry import Engines, Names
 from ..models.errors import InputError, SimulationError, UnwritableError
 from ..models.files import read_bytes
 from ..models.library.registry import Models
@@ -28,7 +28,17 @@ from .diagnosis.rerun import Rerun
 from .report.document import format_number
 from .runs.process import OnDemand, Worker, in_order, simulate
 from .runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
-from .runs.results import COMPARED, FORMAT, Machine, OfEngine, Outcome, Pair, Results, Run
+from .runs.results import (
+    COMPARED,
+    FORMAT,
+    Diagnosis,
+    Machine,
+    OfEngine,
+    Outcome,
+    Pair,
+    Results,
+    Run,
+)
 from .runs.runner import Runner
 from .runs.store import Store, conditions, digest
 from .runs.study import Study, Until
@@ -52,16 +62,19 @@ class _KeptMachine(Spec):
     pairs: dict[str, Pair]
 
 
-class FinishedRun(NamedTuple):
+@dataclass(frozen=True)
+class FinishedRun:
     """A run of a comparison, with its motion if it came to its end."""
 
     record: RunRecord
     run: Run
     motion: Callable[[], Trajectory] | None = None
-    errors: RunErrors | None = None
-    """Errors for its pairs with other runs, if they are known already."""
-    taken: bool = False
-    """Whether all of it was taken from the store."""
+    errors: RunErrors | None = None  # for its pairs with other runs, if they are known already
+    taken: bool = False  # whether all of it was taken from the store
+
+
+# A record, its motion if it came to its end, and the errors of what was made now
+_Measured = tuple[RunRecord, Callable[[], Trajectory] | None, RunErrors | None]
 
 
 class MachineRuns:
@@ -75,15 +88,14 @@ class MachineRuns:
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
         self.store, self._needs, self.diagnoses = study.store, study.needs, study.diagnose
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
-        kept = None
+        self._made_by, kept = conditions(*self.runner.conditions), None
         if self.store is not None:
-            made_by = conditions(*self.runner.conditions)
-            kept = self.store.record(mechanism.name, _KeptMachine, made_by)
+            kept = self.store.record(mechanism.name, _KeptMachine, self._made_by)
         self._pairs = {} if kept is None else kept.pairs
         machine = machine_row(self.runner, study.needs) if kept is None else kept.machine
         needs = study.needs.texts  # they decide verdicts, and no record
+        # Whether the row was taken from the store as it is
         self.taken = kept is not None and machine.needs == needs
-        """Whether the row was taken from the store as it is."""
         self.machine = machine.model_copy(update={"needs": needs})
 
     def run(self, case: RunKey, engine: Engine) -> FinishedRun:
@@ -93,21 +105,28 @@ class MachineRuns:
         """
         # Conditions of a record: those of the run, and the code that checks and diagnoses it
         made_by = conditions(*self.runner.conditions, engine=engine, code="comparisons/diagnosis")
-        finished = self._kept(case, engine, made_by) or self._made(case, engine)
-        finished = finished._replace(run=judged(finished.record, engine, self.machine, self._needs))
-        if finished.motion is None:
-            return finished
-        if finished.run.broken and self.diagnoses:
-            finished = self._diagnosed(finished, finished.motion, engine)
-        if self.store is not None and self.store.records is not None and not finished.taken:
+        kept = self._kept(case, made_by)
+        record, motion, errors = kept or self._made(case, engine)
+        run, taken = judged(record, engine, self.machine, self._needs), kept is not None
+        if motion is None:
+            return FinishedRun(record, run)
+        if run.broken and self.diagnoses:
+            # A record's diagnosis is for certain tolerances: for others it is made anew.
+            exceeded = {metric.label: metric.tolerance for metric in run.broken}
+            if not (taken and record.diagnosed_for == exceeded):
+                taken = False
+                diagnosis = self._diagnosis(run, motion(), engine)
+                update = {"diagnosis": diagnosis, "diagnosed_for": exceeded}
+                record = record.model_copy(update=update)
+            run = run.model_copy(update={"diagnosis": record.diagnosis})
+        if self.store is not None and self.store.records is not None and not taken:
             path = self.store.path(case.model, case.label)
-            record = finished.record.model_copy(update={"trajectory": digest(path) or ""})
+            record = record.model_copy(update={"trajectory": digest(path) or ""})
             self.store.keep_record(path.stem, record, made_by)
-            finished = finished._replace(record=record)
-        return finished
+        return FinishedRun(record, run, motion, errors, taken)
 
-    def _kept(self, case: RunKey, engine: Engine, made_by: str) -> FinishedRun | None:
-        """The finished run from the store, if its trajectory's file is unchanged."""
+    def _kept(self, case: RunKey, made_by: str) -> _Measured | None:
+        """The run from the store, if its trajectory's file is unchanged."""
         if self.store is None:
             return None
         path = self.store.path(case.model, case.label)
@@ -115,35 +134,29 @@ class MachineRuns:
         if record is None or record.trajectory != digest(path):
             return None
         self.store.taken.add(path.stem)
-        motion = partial(self.store.load, case.model, case.label)
-        return FinishedRun(record, run_row(record, engine, case.model), motion, taken=True)
+        return record, partial(self.store.load, case.model, case.label), None
 
-    def _made(self, case: RunKey, engine: Engine) -> FinishedRun:
+    def _made(self, case: RunKey, engine: Engine) -> _Measured:
         mechanism = self.runner.mechanism
         record = new_record(case.engine, case.preset, engine, mechanism)
-        motion: Callable[[], Trajectory] | None = None
-        errors: RunErrors | None = None
         try:
-            checked = self.runner.worker.call(check_and_diagnose, engine, mechanism)
-            record = record.model_copy(update={"equality": checked[0], "diagnosis": checked[1]})
-            if checked[0].holds:
-                trajectory = self._trajectory(case, engine)
-                metrics = self.runner.measured(trajectory)
-                record = record.timed(trajectory).model_copy(update={"metrics": metrics})
-                motion, errors = (lambda: trajectory), self._errors(trajectory)
-            else:
-                broken = [f"{c.label} off by {format_number(c.value)}" for c in checked[0].broken]
-                message = checked[0].note or (
+            equality, diagnosis = self.runner.worker.call(check_and_diagnose, engine, mechanism)
+            record = record.model_copy(update={"equality": equality, "diagnosis": diagnosis})
+            if not equality.holds:
+                broken = [f"{c.label} off by {format_number(c.value)}" for c in equality.broken]
+                message = equality.note or (
                     f"the built model differs before any motion: {', '.join(broken)}; its motion "
                     "was not compared."
                 )
                 update = {"outcome": Outcome.NOT_EQUIVALENT, "message": message}
-                record = record.model_copy(update=update)
+                return record.model_copy(update=update), None, None
+            trajectory = self._trajectory(case, engine)
+            record = record.measured(trajectory, self.runner.measured(trajectory))
+            return record, lambda: trajectory, self._errors(trajectory)
         except UnwritableError:
             raise
         except Exception as error:
-            record = record.failed(error)
-        return FinishedRun(record, run_row(record, engine, case.model), motion, errors)
+            return record.failed(error), None, None
 
     def _trajectory(self, case: RunKey, engine: Engine) -> Trajectory:
         if self.store is None:
@@ -158,25 +171,14 @@ class MachineRuns:
             self.store.keep(kept, case.model, case.label, made_by, self.runner.worker.jobs)
         return kept
 
-    def _diagnosed(
-        self, finished: FinishedRun, motion: Callable[[], Trajectory], engine: Engine
-    ) -> FinishedRun:
-        """Adds the diagnosis: the record's, if it is for the same tolerances, else a new one."""
-        record, broken = finished.record, finished.run.broken
-        exceeded = {metric.label: metric.tolerance for metric in broken}
-        taken = finished.taken and record.diagnosed_for == exceeded
-        if not taken:
-            # In a process: it solves and runs many changed mechanisms
-            motions = motion(), self.runner.solution, self.runner.end
-            diagnose = partial(diagnose_motion, broken, *motions, Rerun(engine, simulate))
-            try:
-                diagnosis = self.runner.worker.compute(diagnose, "the diagnosis")
-            except Exception as error:
-                diagnosis = failed_diagnosis(broken, error)
-            update = {"diagnosis": diagnosis, "diagnosed_for": exceeded}
-            record = record.model_copy(update=update)
-        run = finished.run.model_copy(update={"diagnosis": record.diagnosis})
-        return finished._replace(record=record, run=run, taken=taken)
+    def _diagnosis(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis:
+        """Made in a process: it solves and runs many changed mechanisms."""
+        motions = trajectory, self.runner.solution, self.runner.end
+        diagnose = partial(diagnose_motion, run.broken, *motions, Rerun(engine, simulate))
+        try:
+            return self.runner.worker.compute(diagnose, "the diagnosis")
+        except Exception as error:
+            return failed_diagnosis(run.broken, error)
 
     def _errors(self, trajectory: Trajectory) -> RunErrors:
         reference = self.runner.reference(trajectory.t)
@@ -198,18 +200,15 @@ class MachineRuns:
         for first, second in combinations(moved, 2):
             labels = first, second
             key = ", ".join(f"{label}: {moved[label].record.trajectory}" for label in labels)
-            pairs[key] = self._pairs.get(key) or pair_of(
-                self.machine.model,
-                labels,
-                errors_of(first),
-                errors_of(second),
-                self.machine.judged_to,
-            )
+            pair = self._pairs.get(key)
+            if pair is None:
+                model, end = self.machine.model, self.machine.judged_to
+                pair = pair_of(model, labels, errors_of(first), errors_of(second), end)
+            pairs[key] = pair
         self.taken = self.taken and pairs.keys() <= self._pairs.keys()
         if self.store is not None and not (self.taken and all(run.taken for run in moved.values())):
             kept = _KeptMachine(machine=self.machine, pairs=self._pairs | pairs)
-            made_by = conditions(*self.runner.conditions)
-            self.store.keep_record(self.machine.model, kept, made_by)
+            self.store.keep_record(self.machine.model, kept, self._made_by)
         return list(pairs.values())
 
 
@@ -218,12 +217,10 @@ class Comparison(Reported):
     """Results, and the motions behind them; motions of earlier runs are read when asked for."""
 
     results: Results
-    solutions: Mapping[str, Solution]
-    """Reference motion by model."""
+    solutions: Mapping[str, Solution]  # reference motion by model
     trajectories: Mapping[tuple[str, str], Trajectory]
     """Motions by model and run label ('mujoco tuned')."""
-    repeated: bool = False
-    """Every run and every value was taken from the store: nothing was measured now."""
+    repeated: bool = False  # all was taken from the store: nothing was measured now
 
     def headline(self) -> str:
         """Tell how many runs came out how."""
@@ -408,13 +405,8 @@ def read_results(path: str | Path) -> Results:
     path = Path(path)
     path = path / "results.json" if path.is_dir() else path
     # A file of another kind or format is refused at once, before its fields are read.
-    stated = format_of(path)
-    if stated != FORMAT:
-        has = "no format" if stated is None else f"format {str(stated)[:60]!r}"
-        raise InputError(
-            f"{path} has {has}; a results.json of `trebucheck compare` has {FORMAT!r}: "
-            "make it again."
-        )
+    needed = f"a results.json of `trebucheck compare` has {FORMAT!r}: make it again."
+    format_of(path, (FORMAT,), needed)
     results = Results.load(path)
     runs = Counter((run.model, run.engine, run.preset) for run in results.runs)
     twice = [name for name, number in runs.items() if number > 1]
@@ -429,8 +421,13 @@ def read_results(path: str | Path) -> Results:
     return results
 
 
-def format_of(path: Path) -> object:
-    """The format that a file of results states, if any; InputError: it is not JSON."""
+def format_of(path: Path, formats: Collection[str], needed: str) -> object:
+    """The format that a file of results states.
+
+    Raises:
+        InputError: it is not JSON, or of none of these formats; the sentence ends with what is
+            needed.
+    """
     text = read_bytes(path, Results.largest_file)
     try:
         content = json.loads(text)
@@ -438,4 +435,8 @@ def format_of(path: Path) -> object:
         raise InputError(
             f"{path} is not JSON; the results.json of `trebucheck compare` is needed."
         ) from None
-    return content.get("format") if isinstance(content, dict) else None
+    stated = content.get("format") if isinstance(content, dict) else None
+    if stated not in formats:
+        has = "no format" if stated is None else f"format {str(stated)[:60]!r}"
+        raise InputError(f"{path} has {has}; {needed}")
+    return stated

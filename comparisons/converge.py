@@ -20,9 +20,17 @@ from pydantic import Field, JsonValue
 from scipy import stats
 from scipy.optimize import brentq
 
-from ..engines.given import Engines, Names, names_of
 from ..engines.protocol import Engine
-from ..engines.registry import engine, engine_class, engine_names, engine_study, options_for
+from ..engines.registry import (
+    Engines,
+    Names,
+    engine,
+    engine_class,
+    engine_names,
+    engine_study,
+    names_of,
+    options_for,
+)
 from ..engines.study import ConstraintKinds, Options, Refinement, StepOrder, SweptParameter
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError

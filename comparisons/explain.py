@@ -29,9 +29,8 @@ from typing import Annotated, Literal, NamedTuple, Unpack
 import numpy as np
 from pydantic import Field, JsonValue
 
-from ..engines.given import Engines, Names
 from ..engines.protocol import Capabilities, Engine
-from ..engines.registry import causes_of, with_options
+from ..engines.registry import Engines, Names, causes_of, with_options
 from ..engines.study import Cause, Intervention
 from ..models.arrays import FloatArray
 from ..models.errors import InputError

@@ -61,8 +61,7 @@ _FORCE = {"N": 1.0, "kN": 1e3}
 _TORQUE = {"N m": 1.0, "kN m": 1e3}
 _ENERGY = {"J": 1.0, "kJ": 1e3}
 
-_Units = Mapping[str, float]
-"""SI value of each unit that a column may be in."""
+_Units = Mapping[str, float]  # SI value of each unit that a column may be in
 
 
 class Judgement(Measured, ResultFile):
@@ -73,13 +72,9 @@ class Judgement(Measured, ResultFile):
     sha256: str = Field(description="of the file")
     machine: Machine
     samples: int
-    given: tuple[str, ...] = Field(
-        description="columns of the file, and what follows from them by kinematics"
-    )
+    given: tuple[str, ...] = Field(description="columns, and what follows by kinematics")
     metrics: tuple[Metric, ...]
-    diagnosis: Diagnosis | None = Field(
-        default=None, description="of a motion that breaks a tolerance"
-    )
+    diagnosis: Diagnosis | None = Field(default=None, description="of a broken tolerance")
 
     @property
     def outcome(self) -> Outcome:
@@ -167,62 +162,77 @@ def judge_file(path: Path, study: Study, diagnosed: bool = True) -> Judgement:
 
 
 class _FileMotion:
-    """The file's motion as a trajectory, completed by kinematics and by the reference.
-
-    `known` names the columns that the file gives or that follow from them.
-    """
+    """The file's motion as a trajectory, completed by kinematics and by the reference."""
 
     def __init__(self, given: GivenMotion, runner: Runner) -> None:
         self.given, self.runner, self.mechanism = given, runner, runner.mechanism
-        self.kinematics = Kinematics(self.mechanism)
-        names = self.mechanism.coordinates
-        self.state = [f"{kind} {name}" for kind in "qu" for name in names]
-        self.known = {name for name in given.values if name != TIME}
+        mechanism, values, kinematics = self.mechanism, given.values, Kinematics(self.mechanism)
+        n = len(mechanism.coordinates)
+        self.state = [f"{kind} {name}" for kind in "qu" for name in mechanism.coordinates]
+        # Names of columns that the file gives; below, those that follow from them
+        self.known = {name for name in values if name != TIME}
         self.known |= {f"release {name}" for name in given.releases}
-        self.has_q = self.known.issuperset(self.state[: len(names)])
-        self.has_u = self.has_q and self.known.issuperset(self.state)
+        has_q = self.known.issuperset(self.state[:n])
+        has_u = has_q and self.known.issuperset(self.state)
         self.keep: BoolArray = given.t <= runner.solution.problem.duration
         t = given.t[self.keep]
         reference = runner.reference(t)
-        q = self._columns(self.state[: len(names)], reference.q)
-        u = self._columns(self.state[len(names) :], reference.u)
+        q = self._columns(self.state[:n], reference.q)
+        u = self._columns(self.state[n:], reference.u)
         self.impacts = given.impacts
-        if not self.impacts and self.has_u:
-            self.impacts = tuple(jumps(t, q, u, self.kinematics, runner.scales.length))
-        markers = self._markers(reference, q, u)
-        kinetic = self._columns(["kinetic energy"], self.kinematics.kinetic_energy(q, u))
-        potential = Equations(self.mechanism).potential_energy(q)
-        potential = self._columns(["potential energy"], potential)
-        hash_, end = self.mechanism.content_hash, float(t[-1])
+        if not self.impacts and has_u:
+            self.impacts = tuple(jumps(t, q, u, kinematics, runner.scales.length))
+        self.known |= {f"impact {impact.stop}" for impact in self.impacts}
+        if has_q:
+            self.known.add("potential energy")
+        if has_u:
+            self.known.add("kinetic energy")
+        markers: dict[str, PointMotion] = {}
+        for marker in mechanism.markers:
+            name, row = marker.name, kinematics.point(marker.body, marker.point)
+            position = reference.marker(name).position
+            velocity = reference.marker(name).velocity
+            if has_q:
+                position = kinematics.position(row, q)
+                self.known.add(f"{name} x")
+            if has_u:
+                velocity = kinematics.velocity(row, q, u)
+                self.known.add(f"{name} vx")
+            markers[name] = PointMotion(
+                self._columns([f"{name} x", f"{name} y"], position),
+                self._columns([f"{name} vx", f"{name} vy"], velocity),
+            )
+        torques: dict[str, FloatArray] = {}
+        for stop in mechanism.stops:
+            if f"stop {stop.name}" in values:
+                torques[stop.name] = values[f"stop {stop.name}"][self.keep]
+        reactions: dict[str, FloatArray] = {}
+        for joint in mechanism.joints:
+            if f"joint {joint.name} x" in values:
+                axes = [f"joint {joint.name} x", f"joint {joint.name} y"]
+                reactions[joint.name] = self._columns(axes, t)
+        # An impulse that is not given counts as one that pushes.
+        impacts: dict[float, dict[str, float]] = {}
+        for impact in sorted(self.impacts, key=lambda impact: impact.time):
+            impulse = 1.0 if math.isnan(impact.impulse) else impact.impulse
+            impacts.setdefault(impact.time, {})[impact.stop] = impulse
+        potential = Equations(mechanism).potential_energy(q)
         self.trajectory = Trajectory(
-            mechanism=self.mechanism,
+            mechanism=mechanism,
             t=t,
             q=q,
             u=u,
             markers=markers,
-            kinetic_energy=kinetic,
-            potential_energy=potential,
-            stop_torques={
-                stop.name: given.values[f"stop {stop.name}"][self.keep]
-                for stop in self.mechanism.stops
-                if f"stop {stop.name}" in given.values
-            },
+            kinetic_energy=self._columns(["kinetic energy"], kinematics.kinetic_energy(q, u)),
+            potential_energy=self._columns(["potential energy"], potential),
+            stop_torques=torques,
             release_times={**reference.release_times, **given.releases},
-            impacts=merged(self.impacts),
-            joint_reactions={
-                joint.name: self._columns([f"joint {joint.name} {axis}" for axis in "xy"], t)
-                for joint in self.mechanism.joints
-                if f"joint {joint.name} x" in given.values
-            },
-            provenance=Provenance("file", "", "", {}, hash_, end, "", 0, 0.0),
+            impacts=tuple(impacts.items()),
+            joint_reactions=reactions,
+            provenance=Provenance(
+                "file", "", "", {}, mechanism.content_hash, float(t[-1]), "", 0, 0.0
+            ),
         )
-        if self.has_q:
-            self.known.add("potential energy")
-            self.known |= {f"{name} x" for name in markers}
-        if self.has_u:
-            self.known.add("kinetic energy")
-            self.known |= {f"{name} vx" for name in markers}
-        self.known |= {f"impact {impact.stop}" for impact in self.impacts}
 
     def _columns(self, names: list[str], otherwise: FloatArray) -> FloatArray:
         """Columns of the file; :func:`read` sees to it that all of them are there or none."""
@@ -231,67 +241,50 @@ class _FileMotion:
         columns = [self.given.values[name][self.keep] for name in names]
         return columns[0] if otherwise.ndim == 1 and len(names) == 1 else np.stack(columns, axis=1)
 
-    def _markers(
-        self, reference: Trajectory, q: FloatArray, u: FloatArray
-    ) -> dict[str, PointMotion]:
-        motions: dict[str, PointMotion] = {}
-        for marker in self.mechanism.markers:
-            row = self.kinematics.point(marker.body, marker.point)
-            expected = reference.marker(marker.name)
-            position, velocity = expected.position, expected.velocity
-            if self.has_q:
-                position = self.kinematics.position(row, q)
-            if self.has_u:
-                velocity = self.kinematics.velocity(row, q, u)
-            motions[marker.name] = PointMotion(
-                self._columns([f"{marker.name} {axis}" for axis in "xy"], position),
-                self._columns([f"{marker.name} v{axis}" for axis in "xy"], velocity),
-            )
-        return motions
-
     def metrics(self) -> Iterator[Metric]:
         """Metrics against the reference; without a value of what the file does not give."""
-        solution, end = self.runner.solution, self.runner.judged_to
-        beside = impact_metrics(self.trajectory, self.impacts, solution, end)
-        for metric in (*self.runner.measured(self.trajectory), *beside):
-            if self.known.issuperset(self._needed(metric)):
-                yield metric
-            else:
-                yield not_observed(metric.name, metric.subject, metric.unit, NOT_GIVEN)
-
-    def _needed(self, metric: Metric) -> list[str]:
-        """Names of the columns that a metric is computed from."""
-        subject, thrown = metric.subject, self.runner.until.thrown
+        solution, end, thrown = (
+            self.runner.solution,
+            self.runner.judged_to,
+            self.runner.until.thrown,
+        )
         coordinates = self.mechanism.coordinates
         q = self.state[: len(coordinates)]
         closed = [f"release {stop.name}" for stop in self.mechanism.stops if stop.closed]
         launch = [f"{thrown} x", f"{thrown} vx", *closed]
-        needed = {
-            "position_max": [f"{subject} x"],
-            "position_rms": [f"{subject} x"],
-            "velocity_max": [f"{subject} vx"],
-            "angle_max": [f"q {subject}"],
-            "slide_max": [f"q {subject}"],
-            "angular_speed_max": [f"u {subject}"],
-            "slide_speed_max": [f"u {subject}"],
-            "launch_time": launch,
-            "launch_speed": launch,
-            "release_time": [f"release {subject}"],
-            "impact_time": [f"impact {subject}"],
-            "impact_speed": [f"u {subject}" if subject in coordinates else f"{subject} vx"],
-            "kinetic_energy_max": ["kinetic energy"],
-            "potential_energy_max": ["potential energy"],
-            "energy_balance": [*ENERGIES],
-            "energy_drift": [*ENERGIES],
-            "energy_drift_kinetic": [*ENERGIES],
-            "horizontal_momentum": self.state,
-            "stop_gap_held": [*q, f"release {subject}"],
-            "stop_penetration": q,
-            "complementarity": [*q, f"stop {subject}"],
-            "stop_torque_max": [f"stop {subject}"],
-            "joint_reaction_max": [f"joint {subject} x"],
-        }
-        return needed.get(metric.name, [])
+        beside = impact_metrics(self.trajectory, self.impacts, solution, end)
+        for metric in (*self.runner.measured(self.trajectory), *beside):
+            # Names of the columns that it is computed from
+            subject = metric.subject
+            needed = {
+                "position_max": [f"{subject} x"],
+                "position_rms": [f"{subject} x"],
+                "velocity_max": [f"{subject} vx"],
+                "angle_max": [f"q {subject}"],
+                "slide_max": [f"q {subject}"],
+                "angular_speed_max": [f"u {subject}"],
+                "slide_speed_max": [f"u {subject}"],
+                "launch_time": launch,
+                "launch_speed": launch,
+                "release_time": [f"release {subject}"],
+                "impact_time": [f"impact {subject}"],
+                "impact_speed": [f"u {subject}" if subject in coordinates else f"{subject} vx"],
+                "kinetic_energy_max": ["kinetic energy"],
+                "potential_energy_max": ["potential energy"],
+                "energy_balance": [*ENERGIES],
+                "energy_drift": [*ENERGIES],
+                "energy_drift_kinetic": [*ENERGIES],
+                "horizontal_momentum": self.state,
+                "stop_gap_held": [*q, f"release {subject}"],
+                "stop_penetration": q,
+                "complementarity": [*q, f"stop {subject}"],
+                "stop_torque_max": [f"stop {subject}"],
+                "joint_reaction_max": [f"joint {subject} x"],
+            }
+            if self.known.issuperset(needed.get(metric.name, [])):
+                yield metric
+            else:
+                yield not_observed(metric.name, subject, metric.unit, NOT_GIVEN)
 
     def diagnosis(self, broken: Sequence[Metric]) -> Diagnosis:
         """When and in what it leaves the reference, and which faults account for it.
@@ -299,19 +292,18 @@ class _FileMotion:
         It is looked for in what the file itself gives, without what follows from that: a mistake
         in its coordinates would show in all points, as a wrong motion does.
         """
-        mechanism, values = self.mechanism, self.given.values
-        columns = {
-            **{f"position of the {m.name}": f"{m.name} x" for m in mechanism.markers},
-            **{f"velocity of the {m.name}": f"{m.name} vx" for m in mechanism.markers},
-            **{
-                f"{stop.effort} of the {stop.name}": f"stop {stop.name}" for stop in mechanism.stops
-            },
-            **{f"force of the {j.name}": f"joint {j.name} x" for j in mechanism.joints},
-            **{name: name for name in ENERGIES},
-            "coordinates": self.state[0],
-            "speeds of coordinates": self.state[len(mechanism.coordinates)],
-        }
-        told = frozenset(name for name, column in columns.items() if column in values)
+        mechanism = self.mechanism
+        columns = {name: name for name in ENERGIES}
+        columns["coordinates"] = self.state[0]
+        columns["speeds of coordinates"] = self.state[len(mechanism.coordinates)]
+        for marker in mechanism.markers:
+            columns[f"position of the {marker.name}"] = f"{marker.name} x"
+            columns[f"velocity of the {marker.name}"] = f"{marker.name} vx"
+        for stop in mechanism.stops:
+            columns[f"{stop.effort} of the {stop.name}"] = f"stop {stop.name}"
+        for joint in mechanism.joints:
+            columns[f"force of the {joint.name}"] = f"joint {joint.name} x"
+        told = frozenset(name for name, column in columns.items() if column in self.given.values)
         motions = self.trajectory, self.runner.solution, self.runner.end
         try:
             return diagnose_motion(broken, *motions, told=told)
@@ -327,19 +319,8 @@ class GivenImpact:
     """One, as a file gives it."""
 
     stop: str
-    time: float
-    """[s]."""
-    impulse: float = math.nan
-    """[N m s or N s]; NaN: not given."""
-
-
-def merged(impacts: Sequence[GivenImpact]) -> tuple[tuple[float, dict[str, float]], ...]:
-    """Impacts as a trajectory has them; an impulse that is not given counts as one that pushes."""
-    by_time: dict[float, dict[str, float]] = {}
-    for impact in sorted(impacts, key=lambda impact: impact.time):
-        impulse = 1.0 if math.isnan(impact.impulse) else impact.impulse
-        by_time.setdefault(impact.time, {})[impact.stop] = impulse
-    return tuple(by_time.items())
+    time: float  # [s]
+    impulse: float = math.nan  # [N m s or N s]; NaN: not given
 
 
 def jumps(
@@ -367,24 +348,21 @@ def impact_metrics(
     Impacts are as the file gives them.
     """
     comparison = against(motion, solution, end)
-    common: list[tuple[float, float]] = []
+    common: list[tuple[float, float]] = []  # times of the file's and the reference's impacts [s]
     given = {(impact.stop, impact.time): impact.impulse for impact in impacts}
-    impulses = {
-        (name, time): impulse
-        for time, by_stop in solution.impacts
-        for name, impulse in by_stop.items()
-    }
+    impulses: dict[tuple[str, float], float] = {}
+    for time, by_stop in solution.impacts:
+        for name, impulse in by_stop.items():
+            impulses[name, time] = impulse
     for stop in motion.mechanism.stops:
-        pairs = [
-            (time, expected)
-            for time, expected in comparison.impact_pairs(stop.name)[:_COUNTED]
-            if time is not None and expected is not None and max(time, expected) <= end
-        ]
-        if not pairs:
+        errors: list[float] = []
+        for time, due in comparison.impact_pairs(stop.name)[:_COUNTED]:
+            if time is not None and due is not None and max(time, due) <= end:
+                common.append((time, due))
+                errors.append(given[stop.name, time] - impulses[stop.name, due])
+        if not errors:
             continue
-        common += pairs
-        unit = "N m s" if stop.effort == "torque" else "N s"
-        errors = [given[stop.name, time] - impulses[stop.name, due] for time, due in pairs]
+        (unit,) = _impulse_units(stop)
         if stop.name in solution.undetermined_stops:
             yield not_observed("impact_impulse", stop.name, unit, "it is not unique")
         elif np.isnan(errors).any():
@@ -416,10 +394,8 @@ def _speeds_beside(
         after = solution.motion(np.array([expected]))
         for k, q, u in ((near[0], y[:n], y[n:]), (near[-1], after.q[0], after.u[0])):
             differences = np.abs(motion.u[k] - u).tolist()
-            for key, error in zip(
-                zip(mechanism.coordinates, units, strict=True), differences, strict=True
-            ):
-                errors.setdefault(key, []).append(error)
+            for name, unit, error in zip(mechanism.coordinates, units, differences, strict=True):
+                errors.setdefault((name, unit), []).append(error)
             for marker in mechanism.markers:
                 speed = kinematics.velocity(kinematics.point(marker.body, marker.point), q, u)
                 distance = np.linalg.norm(motion.marker(marker.name).velocity[k] - speed)
@@ -435,14 +411,10 @@ def _speeds_beside(
 class GivenMotion:
     """Content of a file of a motion, in SI units."""
 
-    values: Mapping[str, FloatArray]
-    """Values by column, each of shape (n,), `t` among them."""
-    releases: Mapping[str, float | None]
-    """Releases of the stops that give one [s]; None: it does not open."""
-    impacts: tuple[GivenImpact, ...]
-    """Impacts that the file states."""
-    sha256: str
-    """Digest of the file."""
+    values: Mapping[str, FloatArray]  # by column, each of shape (n,), `t` among them
+    releases: Mapping[str, float | None]  # of the stops that give one [s]; None: it does not open
+    impacts: tuple[GivenImpact, ...]  # that the file states
+    sha256: str  # of the file
 
     @property
     def t(self) -> FloatArray:
@@ -546,16 +518,16 @@ def _refuse_halves(values: Mapping[str, FloatArray], mechanism: Mechanism) -> No
         raise InputError(f"column {u[0]!r} is there without {q[0]!r}")
 
 
-# CSV
-
-
 @contextmanager
-def _in_line(number: int) -> Generator[None]:
-    """Adds the number of the line to errors."""
+def _inside(part: str) -> Generator[None]:
+    """Adds the line or the variable to errors."""
     try:
         yield
     except (InputError, csv.Error) as error:
-        raise InputError(f"line {number}: {error}") from None
+        raise InputError(f"{part}: {error}") from None
+
+
+# CSV
 
 
 def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
@@ -567,7 +539,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
     releases, impacts = dict[str, float | None](), list[GivenImpact]()
     rows: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines, 1):
-        with _in_line(number):
+        with _inside(f"line {number}"):
             if line.lstrip().startswith("#"):
                 _read_comment(line, mechanism, releases, impacts)
             elif line.strip():
@@ -575,7 +547,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
     if not rows:
         raise InputError("it is empty; a line of headings such as 't [s],q theta [rad]' is needed")
     (first, headings), *rows = rows
-    with _in_line(first):
+    with _inside(f"line {first}"):
         columns = _read_headings(headings, _columns_of(mechanism))
         if len(rows) < 2:
             raise InputError(f"{len(rows)} lines of numbers follow; at least two are needed")
@@ -585,7 +557,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
             raise InputError(
                 f"line {number} has {len(cells)} values; the headings are {len(columns)}"
             )
-        with _in_line(number):
+        with _inside(f"line {number}"):
             table[k] = [_number(cell, name) for cell, name in zip(cells, columns, strict=True)]
     table *= list(columns.values())
     values = {name: table[:, i].copy() for i, name in enumerate(columns)}
@@ -676,6 +648,7 @@ def _number(text: str, name: str) -> float:
 
 # NetCDF
 
+# Variables of a file: the dimension of their names, and the column that each is
 _VARIABLES = {
     "q": ("coordinate", "q {}"),
     "u": ("coordinate", "u {}"),
@@ -686,7 +659,6 @@ _VARIABLES = {
     "kinetic_energy": ("", "kinetic energy"),
     "potential_energy": ("", "potential energy"),
 }
-"""Variables of a file: the dimension of their names, and the column that each is."""
 
 
 def _netcdf(content: bytes, mechanism: Mechanism) -> _Contents:
@@ -706,14 +678,10 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Contents:
     columns = _columns_of(mechanism)
     values = {TIME: t * _stated_factor("time", dataset, columns[TIME], TIME)}
     for name, column, series in _series(dataset):
-        try:
+        with _inside(f"variable {name!r}"):
             _refuse_unknown(column, columns)
-        except InputError as error:
-            raise InputError(f"variable {name!r}: {error}") from None
-        if series.shape != t.shape or not (np.abs(series) <= _LARGEST).all():
-            raise InputError(
-                f"variable {name!r}: {column!r} does not have one finite number a time"
-            )
+            if series.shape != t.shape or not (np.abs(series) <= _LARGEST).all():
+                raise InputError(f"{column!r} does not have one finite number a time")
         values[column] = series * _stated_factor(name, dataset, columns[column], column)
     return values, _netcdf_releases(dataset, mechanism), _netcdf_impacts(dataset, mechanism)
 
@@ -728,10 +696,8 @@ def _stated_factor(variable: str, dataset: Any, units: _Units, column: str) -> f
     first, _, others = stated.partition("(")
     several = [first.strip(), others.partition(":")[2].strip(" )")]
     unit = next((unit for unit in several if unit in units), stated)
-    try:
+    with _inside(f"variable {variable!r}"):
         return _si_value(unit, units, column)
-    except InputError as error:
-        raise InputError(f"variable {variable!r}: {error}") from None
 
 
 def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:

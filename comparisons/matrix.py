@@ -24,7 +24,6 @@ from .runs.quantities import QUANTITIES
 from .runs.results import FORMAT as COMPARE
 from .runs.results import (
     Machine,
-    Metric,
     OfEngine,
     Outcome,
     ResultFile,
@@ -53,9 +52,7 @@ class Error(Spec):
     """The largest error of a run in one quantity."""
 
     metric: str
-    subject: str | None = Field(
-        default=None, description="marker, stop or joint it is of; None: the mechanism, or none"
-    )
+    subject: str | None = Field(default=None, description="marker, stop or joint, if it is of one")
     value: Real | None = Field(description="None where a figure is missing; `note` says why")
     unit: str
     part: Real | None = Field(description="of the quantity's scale, the same for all engines")
@@ -73,9 +70,7 @@ class Breach(Spec):
     """The figure of a run that is the farthest beyond its tolerance, or the nearest to it."""
 
     label: str
-    ratio: Real | None = Field(
-        description="of the error to its tolerance; None: there is no figure"
-    )
+    ratio: Real | None = Field(description="of the error to its tolerance; None: no figure")
 
 
 class MatrixRun(OfEngine, Spec):
@@ -86,13 +81,9 @@ class MatrixRun(OfEngine, Spec):
     preset: str
     engine_version: str
     scheme: str = Field(default="", description="as its study names it; '': not stated")
-    order: Real | None = Field(
-        default=None, description="that its study declares; None: no power of the step"
-    )
+    order: Real | None = Field(default=None, description="declared; None: no power of the step")
     supplied: dict[str, str] | None = Field(
-        default=None,
-        description="what trebucheck does in the engine's place, by part, and of what; None: "
-        "not stated",
+        default=None, description="what trebucheck does in its place, by part; None: not stated"
     )
     timestep: Positive | None = Field(default=None, description="[s]")
     outcome: Outcome
@@ -106,9 +97,7 @@ class MatrixRun(OfEngine, Spec):
     causes: tuple[str, ...] = Field(
         default=(), description="likeliest causes; empty where unknown or not looked for"
     )
-    explained: Real | None = Field(
-        default=None, description="share of the error that the first cause accounts for"
-    )
+    explained: Real | None = Field(default=None, description="share, by the first cause")
     date: str = Field(description="of the file of runs, YYYY-MM-DD")
     made_by: str = Field(description="version of trebucheck")
 
@@ -126,9 +115,7 @@ class MatrixProblem(Spec):
     """A problem as compared."""
 
     name: str
-    number: str = Field(
-        default="", description="of the library; '' for machines and for mechanisms of one's own"
-    )
+    number: str = Field(default="", description="of the library; '' where it is not from there")
     mechanism_hash: str
     stop_law: str
     judged_to: Real = Field(description="[s]")
@@ -150,9 +137,7 @@ class MeasuredOrder(OfEngine, Spec):
     problem: str
     exponent: Real | None = Field(description="None: no power of the step was found")
     half_width: Real | None = Field(default=None, description="of its 95 % confidence interval")
-    floor: Real | None = Field(
-        default=None, description="error that no smaller step lowers [m]; None: not reached"
-    )
+    floor: Real | None = Field(default=None, description="[m]; None: not reached")
     floor_cause: str = Field(default="", description="what sets it")
 
 
@@ -181,8 +166,7 @@ class Matrix(ResultFile):
         return (run for run in self.runs if run.label == label)
 
 
-_SAME_END = 1e-6
-"""Tolerance of the end: horizons are computed, and other libraries round otherwise."""
+_SAME_END = 1e-6  # of the end: horizons are computed, and other libraries round otherwise
 _Part = TypeVar("_Part", MatrixRun, MeasuredOrder)
 
 
@@ -214,10 +198,8 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
     for path, part in parts:
         for problem in part.problems:
             before, other = problems.setdefault(problem.name, (path, problem))
-            same = (problem.mechanism_hash, problem.stop_law) == (
-                other.mechanism_hash,
-                other.stop_law,
-            )
+            same = problem.mechanism_hash == other.mechanism_hash
+            same = same and problem.stop_law == other.stop_law
             if not (same and math.isclose(problem.judged_to, other.judged_to, rel_tol=_SAME_END)):
                 raise InputError(
                     f"{problem.name!r} is another mechanism or motion in {path} than in "
@@ -251,16 +233,14 @@ def _read(path: Path) -> Matrix:
                 "one file."
             )
         path = inside[0]
-    stated = format_of(path)
+    formats = (COMPARE, CONVERGE, FORMAT)
+    stated = format_of(path, formats, f"needed is one of {', '.join(formats)}.")
     if stated == FORMAT:
         return Matrix.load(path)
-    if stated == COMPARE:
-        date = datetime.fromtimestamp(path.stat().st_mtime, UTC).date().isoformat()
-        return distilled(read_results(path), date)
     if stated == CONVERGE:
         return Matrix.made_here(problems=(), runs=(), orders=tuple(orders_of(Studies.load(path))))
-    has = "no format" if stated is None else f"format {str(stated)[:60]!r}"
-    raise InputError(f"{path} has {has}; needed is one of {COMPARE}, {CONVERGE}, {FORMAT}.")
+    date = datetime.fromtimestamp(path.stat().st_mtime, UTC).date().isoformat()
+    return distilled(read_results(path), date)
 
 
 def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
@@ -310,14 +290,7 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
     diagnosis, step = run.diagnosis, run.settings.get("timestep")
     causes = () if diagnosis is None else diagnosis.named
     # Of the error to its tolerance; infinite for a missing value
-    ratios: dict[str, float] = {}
-    for metric in run.judged:
-        value = math.inf if metric.value is None else abs(metric.value)
-        if metric.tolerance:
-            value /= metric.tolerance
-        elif value:
-            value = math.inf
-        ratios[metric.label] = value
+    ratios = {metric.label: metric.share or 0.0 for metric in run.judged}
     worst = max(ratios, key=ratios.__getitem__, default=None)
     return MatrixRun(
         problem=run.model,
@@ -356,7 +329,14 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
         metrics = [metric for metric in run.metrics if metric.name == name]
         if not metrics:
             continue
-        parts = {metric.label: _part(metric, machine) for metric in metrics}
+        quantity = QUANTITIES[name]
+        scales = machine.scales_for(invariant=quantity.invariant)
+        # Errors as parts of the quantity's scale; infinite where there is no value
+        parts: dict[str, float] = {}
+        for metric in metrics:
+            size = math.inf if metric.value is None else abs(metric.value)
+            scale = quantity.scale_of(scales, metric.subject, machine.mechanism)
+            parts[metric.label] = size / scale
         observed = [metric for metric in metrics if metric.observed] or metrics
         worst = max(observed, key=lambda metric: parts[metric.label])
         yield Error(
@@ -372,19 +352,9 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
         )
 
 
-def _part(metric: Metric, machine: Machine) -> float:
-    """Error as a part of the quantity's scale; infinite where there is no value."""
-    if metric.value is None:
-        return math.inf
-    quantity = QUANTITIES[metric.name]
-    scales = machine.whole_scales if quantity.invariant and machine.whole_scales else machine.scales
-    return abs(metric.value) / quantity.scale_of(scales, metric.subject, machine.mechanism)
-
-
 # Spread of engines of one scheme
 
-FLOOR = 1e-12
-"""Part of the scale: smaller errors are rounding over thousands of steps, and count as this."""
+FLOOR = 1e-12  # part of the scale: smaller errors are rounding over thousands of steps, count as it
 _METRIC = "position_max"
 
 
@@ -393,23 +363,7 @@ class Ratio:
     """Ratio of two errors, the larger by the smaller."""
 
     value: float
-    runs: str
-    """Which two, and on which problem."""
-
-
-@dataclass(frozen=True)
-class Ratios:
-    """Ratios of errors of pairs of runs on one problem."""
-
-    found: tuple[Ratio, ...]
-
-    def __str__(self) -> str:
-        if not self.found:
-            return "no pair"
-        largest = max(self.found, key=lambda each: each.value)
-        count, middle = len(self.found), median(each.value for each in self.found)
-        rest = "one pair" if count == 1 else f"{count} pairs, median {middle:.2g}"
-        return f"{largest.value:.2g} at most ({largest.runs}; {rest})"
+    runs: str  # which two, and on which problem
 
 
 @dataclass(frozen=True)
@@ -419,12 +373,9 @@ class Spread:
     scheme: str
     constrained: bool
     engines: tuple[str, ...]
-    moved: tuple[str, ...]
-    """Those of them whose steps are trebucheck's: one implementation."""
-    within: Ratios
-    """Ratio of two engines of the scheme."""
-    between: Ratios
-    """Ratio of one of them and one of another scheme."""
+    moved: tuple[str, ...]  # those of them whose steps are trebucheck's: one implementation
+    within: tuple[Ratio, ...]  # of two engines of the scheme
+    between: tuple[Ratio, ...]  # of one of them and one of another scheme
 
 
 def spreads(matrix: Matrix) -> Iterator[Spread]:
@@ -447,7 +398,7 @@ def spreads(matrix: Matrix) -> Iterator[Spread]:
                     elif scheme in (a.scheme, b.scheme):
                         between.append(ratio)
             if within:
-                pairs = Ratios(tuple(within)), Ratios(tuple(between))
+                pairs = tuple(within), tuple(between)
                 yield Spread(scheme, constrained, tuple(engines), tuple(moved), *pairs)
 
 
@@ -472,8 +423,17 @@ def sentence(spread: Spread) -> str:
     one = ""
     if len(spread.moved) > 1:
         one = f"; the steps of {' and '.join(spread.moved)} are trebucheck's"
+    texts: list[str] = []
+    for ratios in (spread.within, spread.between):
+        if not ratios:
+            texts.append("no pair")
+            continue
+        largest = max(ratios, key=lambda ratio: ratio.value)
+        middle = median(ratio.value for ratio in ratios)
+        rest = "one pair" if len(ratios) == 1 else f"{len(ratios)} pairs, median {middle:.2g}"
+        texts.append(f"{largest.value:.2g} at most ({largest.runs}; {rest})")
     return (
         f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem "
-        f"{where}, at equal steps, have a ratio of {spread.within}; those of one of them and one "
-        f"of another scheme {spread.between}{one}."
+        f"{where}, at equal steps, have a ratio of {texts[0]}; those of one of them and one "
+        f"of another scheme {texts[1]}{one}."
     )

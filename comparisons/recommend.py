@@ -27,9 +27,8 @@ from typing import Annotated, Any, Literal, NamedTuple, Self, Unpack
 import numpy as np
 from pydantic import Field, JsonValue, model_validator
 
-from ..engines.given import Engines
 from ..engines.protocol import Engine
-from ..engines.registry import engine, engine_class, engine_study
+from ..engines.registry import Engines, engine, engine_class, engine_study
 from ..engines.study import OptionSet
 from ..models.errors import InputError, TrebucheckError
 from ..models.library.registry import Model, models, parameters_type

@@ -11,7 +11,7 @@ from ..engines.inspection import Inspectable
 from ..engines.registry import capabilities_of, engine, engine_class
 from ..engines.supplied import sentence
 from ..models.errors import TrebucheckError
-from .suite import INTERFACE, STANDARD, given, missing
+from .suite import INTERFACE, STANDARD, missing
 from .verdicts import CheckState, CheckVerdict, Conformance
 
 MARKS: dict[CheckState, page.Mark] = {
@@ -26,18 +26,14 @@ _LISTED = 12
 
 def headline(results: Conformance) -> str:
     """The whole in a line."""
-    counts, judged = results.counts, _judged(results)
+    counts = results.counts
     who = ", ".join(f"{label} {version}" for label, version in results.engines.items())
     others = [state for state in CheckState if counts[state] and state is not CheckState.KEPT]
     counted = ", ".join(f"{counts[state]} {state.value}" for state in others)
     rest = f"; {counted}" if counted else ""
     verdict = "conforms" if results.passed else "does not conform"
-    kept = f"{counts[CheckState.KEPT]} of {judged} checks kept"
+    kept = f"{counts[CheckState.KEPT]} of {results.judged} checks kept"
     return f"{who} {verdict} ({results.tier} tier): {kept}{rest}."
-
-
-def _judged(results: Conformance) -> int:
-    return len(results.verdicts) - results.counts[CheckState.SKIPPED]
 
 
 def certificate(results: Conformance) -> page.Document:
@@ -47,7 +43,7 @@ def certificate(results: Conformance) -> page.Document:
     failed = sum(verdict.failed for verdict in results.verdicts)
     known, skipped = counts[CheckState.DEVIATES], counts[CheckState.SKIPPED]
     tiles = (
-        page.Tile(f"{counts[CheckState.KEPT]}/{_judged(results)}", "checks kept", mark),
+        page.Tile(f"{counts[CheckState.KEPT]}/{results.judged}", "checks kept", mark),
         page.Tile(str(failed), "broken or not judged", "bad" if failed else "plain"),
         page.Tile(str(known), "known deviations", "warning" if known else "plain"),
         page.Tile(str(skipped), "skipped"),
@@ -92,7 +88,7 @@ def _advice(results: Conformance) -> Iterator[page.Block]:
 
 def next_steps(results: Conformance) -> Iterator[str]:
     """One sentence for each failing part: the interface first, then problems, simplest first."""
-    if not _judged(results):  # as where the engine is not installed
+    if not results.judged:  # as where the engine is not installed
         reasons = {verdict.text.removesuffix(".") for verdict in results.verdicts if verdict.text}
         yield from (f"{reason}." for reason in sorted(reasons))
     failing = [verdict for verdict in results.verdicts if verdict.failed]
@@ -117,7 +113,7 @@ def optional_steps(label: str) -> Iterator[str]:
     capabilities = capabilities_of(name, preset)
     needed: dict[str, list[str]] = {}
     for problem in STANDARD:
-        for feature in missing(*given(problem), capabilities):
+        for feature in missing(problem, capabilities):
             needed.setdefault(feature, []).append(problem)
     for feature, problems in sorted(needed.items(), key=lambda item: -len(item[1])):
         yield f"no {feature}: needed by {', '.join(problems)}"
@@ -190,7 +186,7 @@ def _check_row(v: CheckVerdict) -> page.Row:
 
 def badge(results: Conformance) -> str:
     """An SVG for a README: how many checks are kept."""
-    left, right = "trebucheck", f"{results.counts[CheckState.KEPT]}/{_judged(results)} kept"
+    left, right = "trebucheck", f"{results.counts[CheckState.KEPT]}/{results.judged} kept"
     widths = [7 * len(text) + 12 for text in (left, right)]
     label = escape(f"{left}: {right}; {headline(results)}")
     colour = "#2e7d32" if results.passed else "#b3261e"

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -81,14 +81,14 @@ def given(name: str) -> tuple[Mechanism, StopLaw]:
     return problem.mechanism, problem.stop_law
 
 
-def missing(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
+def missing(problem: str, capabilities: Capabilities) -> tuple[str, ...]:
     """Names of what a problem needs and an engine does not declare."""
-    names = missing_elements(
-        mechanism, capabilities.features, capabilities.lacking, law, capabilities.elements
-    )
-    if mechanism.stops and law not in capabilities.stop_laws:
+    mechanism, law = given(problem)
+    can, lacking = capabilities, capabilities.lacking
+    names = tuple(missing_elements(mechanism, can.features, lacking, law, can.elements))
+    if mechanism.stops and law not in can.stop_laws:
         return (*names, f"{law.value} law of the stops")
-    return tuple(names)
+    return names
 
 
 def check_name(metric: str) -> str:
@@ -96,22 +96,26 @@ def check_name(metric: str) -> str:
     return metric.removesuffix("_max").replace("_", "-")
 
 
-def quantities(mechanism: Mechanism, law: StopLaw, capabilities: Capabilities) -> tuple[str, ...]:
+def quantities(problem: str, capabilities: Capabilities) -> tuple[str, ...]:
     """Metrics that a run of a problem may have, of those that are judged."""
-    names = (q.name for q in JUDGED.values() if not q.of or q.subjects(mechanism))
-    unilateral = law is StopLaw.UNILATERAL
+    mechanism, law = given(problem)
     left_out = {
-        "launch_time": mechanism.marker(THROWN) is None,
-        "launch_speed": mechanism.marker(THROWN) is None,
-        "impact_time": not unilateral,
-        "stop_penetration": not unilateral,
-        "impact_impulse": True,  # of files only, as the next
-        "impact_speed": True,
-        "horizontal_momentum": not keeps_horizontal_momentum(mechanism),
-        "joint_gap_max": not capabilities.joint_gaps,
-        "base_error": True,  # of motions beyond their horizon only; then it is judged with the run
-    }
-    return tuple(name for name in names if not left_out.get(name, False))
+        "impact_impulse", "impact_speed",  # of files only
+        "base_error",  # of motions beyond their horizon only; then it is judged with the run
+    }  # fmt: skip
+    if mechanism.marker(THROWN) is None:
+        left_out |= {"launch_time", "launch_speed"}
+    if law is not StopLaw.UNILATERAL:
+        left_out |= {"impact_time", "stop_penetration"}
+    if not keeps_horizontal_momentum(mechanism):
+        left_out.add("horizontal_momentum")
+    if not capabilities.joint_gaps:
+        left_out.add("joint_gap_max")
+    names: list[str] = []
+    for quantity in JUDGED.values():
+        if quantity.name not in left_out and (not quantity.of or quantity.subjects(mechanism)):
+            names.append(quantity.name)
+    return tuple(names)
 
 
 # --- The engine
@@ -174,7 +178,7 @@ class Target:
 
     def lacks(self, problem: str) -> tuple[str, ...]:
         """Names of what a problem needs and the engine does not declare."""
-        return missing(*given(problem), self.capabilities)
+        return missing(problem, self.capabilities)
 
 
 # --- Checks of the interface
@@ -325,26 +329,14 @@ def _samples(run: Trajectory) -> dict[str, np.ndarray]:
 # --- The suite of one engine
 
 
-@dataclass
-class References:
-    """Reference motions, each solved once a session."""
-
-    _known: dict[str, MachineRuns] = field(default_factory=dict[str, MachineRuns])
-
-    def of(self, study: Study, problem: str) -> MachineRuns:
-        """The reference of a problem, in this process; raises as :class:`MachineRuns`."""
-        if problem not in self._known:
-            self._known[problem] = MachineRuns(study, study.mechanisms[0], Worker(isolate=False))
-        return self._known[problem]
-
-
 class Suite:
     """Checks of one engine.
 
     Args:
         target: engine and preset.
         problems: names, in the order in which they are tried.
-        references: shared by the suites of a session.
+        references: reference motions by problem, each solved once: the suites of a session share
+            them.
         timeout: longest wait for one run [s].
         required: whether an engine that is not installed fails.
         isolate: make each call of it in a process of its own.
@@ -354,13 +346,13 @@ class Suite:
         self,
         target: Target,
         problems: Iterable[str],
-        references: References | None = None,
+        references: dict[str, MachineRuns] | None = None,
         timeout: float = 120.0,
         required: bool = False,
         isolate: bool = True,
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
-        self._references = references or References()
+        self._references = {} if references is None else references
         self._worker = Worker(timeout, isolate, fresh=True)
         self._verdicts: dict[str, dict[str, CheckVerdict]] = {}
         self._diagnosed = 0
@@ -378,11 +370,11 @@ class Suite:
     @cached_property
     def _checks(self) -> dict[str, tuple[str, ...]]:
         """Names of the checks by problem."""
-        checks, capabilities = {INTERFACE: tuple(_INTERFACE_CHECKS)}, self.target.capabilities
+        checks = {INTERFACE: tuple(_INTERFACE_CHECKS)}
         for problem in self.problems:
             checks[problem] = ("runs",)
-            if not missing(*given(problem), capabilities):
-                metrics = quantities(*given(problem), capabilities)
+            if not self.target.lacks(problem):
+                metrics = quantities(problem, self.target.capabilities)
                 checks[problem] = ("runs", "model", *map(check_name, metrics))
         return checks
 
@@ -451,7 +443,10 @@ class Suite:
     def _run(self, problem: str) -> dict[str, CheckVerdict]:
         target = self.target
         study = Study([problem], [target.engine], [target.preset])
-        runs = self._references.of(study, problem)
+        if problem not in self._references:  # solved in this process
+            here = Worker(isolate=False)
+            self._references[problem] = MachineRuns(study, study.mechanisms[0], here)
+        runs = self._references[problem]
         runs.diagnoses = self._diagnosed < _DIAGNOSED
         runs.runner.worker = self._worker
         try:
@@ -598,7 +593,7 @@ class Session:
         path = folder / options["json"] if options["json"] else None
         if path:
             refuse_unwritable(path.parent, path.name)
-        references = References()
+        references: dict[str, MachineRuns] = {}
         suites = [
             Suite(t, names, references, options["timeout"], t.engine in required) for t in targets
         ]

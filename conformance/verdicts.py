@@ -103,8 +103,13 @@ class Conformance(ResultFile):
 
     @property
     def counts(self) -> Counter[CheckState]:
-        """Tell how many verdicts of each state."""
+        """Number of verdicts of each state."""
         return Counter(verdict.state for verdict in self.verdicts)
+
+    @property
+    def judged(self) -> int:
+        """Number of checks that were not skipped."""
+        return len(self.verdicts) - self.counts[CheckState.SKIPPED]
 
     @property
     def passed(self) -> bool:

@@ -276,9 +276,7 @@ class EngineStudy:
     refinements: tuple[Refinement, ...] = (HALF_THE_STEP,)
     option_sets: tuple[OptionSet, ...] = ()  # from plain to tuned; none: one a preset
     tolerances: tuple[Tolerance, ...] = ()
-    snippets: Callable[[Any, Mechanism, float], Mapping[str, str]] = (
-        lambda _engine, _mechanism, _duration: {}
-    )
+    snippets: _Snippets = lambda _engine, _mechanism, _duration: {}
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
     single_precision: bool = False
     """Whether its state, or what moves it, is rounded to single precision, whatever its options."""

@@ -48,7 +48,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from ..models.arrays import BoolArray, FloatArray
@@ -83,38 +82,29 @@ def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
     size = float(np.abs(b).max(initial=0.0))
     if size == 0.0:
         return x
-    root = _root(scale[:, None] * matrix[np.ix_(mobile, mobile)] * scale)
+    # A = root^T root, with a root of full row rank.
+    values, vectors = np.linalg.eigh(scale[:, None] * matrix[np.ix_(mobile, mobile)] * scale)
+    kept = values > values[-1] * len(values) * np.finfo(np.float64).eps * 16
+    root = (np.sqrt(values[kept]) * vectors[:, kept]).T
     for rounding in _SAME_DEMAND:
-        active = _least_distance(root, b / size + rounding)
-        if active is not None:
+        # The y of least norm with root^T y + b >= 0; constraints that are active there are
+        # independent of each other.
+        distance = np.vstack([root, -(b / size + rounding)])
+        pushes, residual = nnls(distance, np.append(np.zeros(len(root)), 1.0))
+        if residual > _CONTRADICTION:
             break
     else:
         return None  # the stops' demands contradict each other
+    active = pushes > 0
     y = np.linalg.lstsq(root[:, active].T, -b[active])[0]
     x[mobile[active]] = scale[active] * np.linalg.lstsq(root[:, active], y)[0]
     return np.maximum(x, 0.0)
 
 
-def _least_distance(root: FloatArray, b: FloatArray) -> NDArray[np.bool_] | None:
-    """Active constraints of root^T y + b >= 0 at its y of least norm; None if none fulfils them.
-
-    They are independent of each other.
-    """
-    pushes, residual = nnls(np.vstack([root, -b]), np.append(np.zeros(len(root)), 1.0))
-    return pushes > 0 if residual > _CONTRADICTION else None
-
-
-def _root(matrix: FloatArray) -> FloatArray:
-    """R with matrix = R^T R, of full row rank, shape (rank, m)."""
-    values, vectors = np.linalg.eigh(matrix)
-    kept = values > values[-1] * len(values) * np.finfo(np.float64).eps * 16
-    return (np.sqrt(values[kept]) * vectors[:, kept]).T
-
-
 def active_contacts(
     equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
 ) -> tuple[str, ...]:
-    """Which of the touching stops push (torque >= 0), the others being about to open.
+    """Those of the touching stops that push (torque >= 0); the others are about to open.
 
     A stop whose torque would be negative cannot push and is left out, all stops decided at once.
 
@@ -148,10 +138,7 @@ def resolve_impact(
 ) -> tuple[FloatArray, dict[str, float]]:
     """Speeds after an impact of the touching stops, and their impulses, all decided at once.
 
-    Newton's law with complementarity (Moreau; Glocker and Pfeiffer): u+ = u- + M^{-1} G^T P with P
-    >= 0 complementary to G u+ + e G u- >= 0. The speeds are unique, impulses of redundant stops are
-    not. Where no speeds give each stop its rebound, because stops stand against each other, none
-    rebounds.
+    u+ = u- + M^{-1} G^T P with P >= 0 complementary to G u+ + e G u- >= 0; see the module.
 
     Args:
         q, u: state before, shape (n_q,).
@@ -242,9 +229,8 @@ class ActiveSet:
     def __init__(self, problem: Problem, equations: Equations) -> None:
         self.problem = problem
         self.equations = equations
-        self.releases: dict[str, float | None] = {
-            stop.name: None for stop in problem.mechanism.stops
-        }
+        self.releases: dict[str, float | None]
+        self.releases = dict.fromkeys(stop.name for stop in problem.mechanism.stops)
         self.impacts: list[tuple[float, dict[str, float]]] = []
         """Time [s] and impulse of each stop that took part [N m s]."""
         self._last_impact: dict[str, float] = {}
@@ -263,7 +249,15 @@ class ActiveSet:
         """
         mechanism = self.problem.mechanism
         q, u = initial_state(mechanism)
-        self._refuse_open_loops(q, u)
+        residual = self.equations.loop_residual(q)
+        speeds = self.equations.constraint_jacobian(q, ()) @ u
+        if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
+            worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
+            names = ", ".join(joint.name for joint in mechanism.loop_joints)
+            raise InputError(
+                f"start does not fit the joints that close a loop ({names}): their points stand "
+                f"apart by up to {worst}."
+            )
         touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
         if any(speed < -_AT_REST for speed in self._gap_speeds(touching, q, u).values()):
             u = self._resolve_impact(0.0, q, u, touching)
@@ -271,12 +265,12 @@ class ActiveSet:
 
     def event_functions(self, initial: PostEventState) -> tuple[EventFunction, ...]:
         """Events to be located after a state."""
-        releases = tuple(EventFunction(name, closes=False) for name in initial.closed)
-        if self.problem.stop_law is StopLaw.RELEASE_ONCE:
-            return releases
-        return releases + tuple(
-            EventFunction(name, closes=True) for name in self.releases if name not in initial.closed
-        )
+        functions = [EventFunction(name, closes=False) for name in initial.closed]
+        if self.problem.stop_law is StopLaw.UNILATERAL:
+            for name in self.releases:
+                if name not in initial.closed:
+                    functions.append(EventFunction(name, closes=True))
+        return tuple(functions)
 
     def after(
         self,
@@ -303,7 +297,12 @@ class ActiveSet:
             self._bouncing.interrupt()
         if not closing:
             return self._with_active_contacts(t, q, u, still_closed)
-        closing |= self._also_touching(t, q, closed)
+        for name in self.releases:
+            if name not in closed:
+                # Open stops take part that touch, or that the machine has just left.
+                gap = abs(float(self.equations.kinematics.gap(name, q)))
+                if gap <= _TOUCHING or t - self._last_impact.get(name, -np.inf) <= TOGETHER:
+                    closing.add(name)
         touching = tuple(name for name in self.releases if name in still_closed or name in closing)
         met = {n: v for n, v in self._gap_speeds(touching, q, u).items() if n not in still_closed}
         state = self._with_active_contacts(t, q, self._resolve_impact(t, q, u, touching), touching)
@@ -314,11 +313,8 @@ class ActiveSet:
         self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]
     ) -> PostEventState:
         """The state with the active contacts of the touching stops; the others have opened."""
-        resting = tuple(
-            name
-            for name, speed in self._gap_speeds(touching, q, u).items()
-            if abs(speed) <= _AT_REST
-        )
+        speeds = self._gap_speeds(touching, q, u)
+        resting = tuple(name for name in touching if abs(speeds[name]) <= _AT_REST)
         closed = active_contacts(self.equations, q, u, resting)
         for name in touching:
             if name not in closed:
@@ -338,18 +334,6 @@ class ActiveSet:
         self._last_impact |= {name: t for name, impulse in impulses.items() if impulse > 0}
         return after
 
-    def _also_touching(self, t: float, q: FloatArray, closed: Sequence[str]) -> set[str]:
-        """Open stops that take part in an impact here: it may drive the machine into them."""
-        return {
-            name
-            for name in self.releases
-            if name not in closed
-            and (
-                abs(float(self.equations.kinematics.gap(name, q))) <= _TOUCHING
-                or t - self._last_impact.get(name, -np.inf) <= TOGETHER
-            )
-        }
-
     def _gap_speeds(self, names: Sequence[str], q: FloatArray, u: FloatArray) -> dict[str, float]:
         return dict(zip(names, (gap_jacobian(self.equations, q, names) @ u).tolist(), strict=True))
 
@@ -357,17 +341,6 @@ class ActiveSet:
         """Only the first opening counts: the throw depends on it."""
         if self.releases[name] is None and self.problem.mechanism.stop(name).closed:
             self.releases[name] = t
-
-    def _refuse_open_loops(self, q: FloatArray, u: FloatArray) -> None:
-        residual = self.equations.loop_residual(q)
-        speeds = self.equations.constraint_jacobian(q, ()) @ u
-        if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
-            worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
-            names = ", ".join(joint.name for joint in self.problem.mechanism.loop_joints)
-            raise InputError(
-                f"start does not fit the joints that close a loop ({names}): their points stand "
-                f"apart by up to {worst}."
-            )
 
 
 class Bouncing:
@@ -402,12 +375,11 @@ class Bouncing:
             speeds: gap speeds by stop [its speed_unit].
         """
         self._energy = max(self._energy, float(self.equations.kinematics.kinetic_energy(q, u)))
-        return np.array(
-            [
-                self._restitution[n] if v < -SETTLED * self._scale(n, q) else 0.0
-                for n, v in speeds.items()
-            ]
-        )
+        restitution = np.zeros(len(speeds))
+        for i, (name, speed) in enumerate(speeds.items()):
+            if speed < -SETTLED * self._scale(name, q):
+                restitution[i] = self._restitution[name]
+        return restitution
 
     def note_impact(
         self,

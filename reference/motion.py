@@ -95,7 +95,7 @@ class ReferenceMotion(Shown):
 
     Every function takes a time [s], or times of shape (n,); what it returns has the shape of the
     times before that of the quantity. At an event it is the state after it. Times outside the
-    motion raise InputError.
+    motion, and names that no marker has, raise InputError.
     """
 
     solution: Solution
@@ -128,19 +128,11 @@ class ReferenceMotion(Shown):
         return self._shaped(t, self._read(t).a)
 
     def marker(self, name: str, t: ArrayLike) -> FloatArray:
-        """Position of a marker in the world [m], shape (..., 2).
-
-        Raises:
-            InputError: no marker has that name.
-        """
+        """Position of a marker in the world [m], shape (..., 2)."""
         return self._shaped(t, self._marker(name, t).position)
 
     def marker_velocity(self, name: str, t: ArrayLike) -> FloatArray:
-        """Velocity of a marker in the world [m/s], shape (..., 2).
-
-        Raises:
-            InputError: no marker has that name.
-        """
+        """Velocity of a marker in the world [m/s], shape (..., 2)."""
         return self._shaped(t, self._marker(name, t).velocity)
 
     def kinetic_energy(self, t: ArrayLike) -> FloatArray:

@@ -62,16 +62,15 @@ def joint_reactions(
     return {joint.name: left[joint.child] for joint in joints if joint.held_directions} | loops
 
 
-def _no_force(kinematics: Kinematics, q: FloatArray, stop: Stop) -> None:
-    """A stop on an angle: its torque needs no force of a joint."""
-
-
-def _wall_normal(kinematics: Kinematics, q: FloatArray, stop: PointStop) -> FloatArray:
-    return _in_world(kinematics, q, stop.relative_to, complex(*stop.normal))
-
-
 _NORMALS: ElementTable[Callable[[Kinematics, FloatArray, Any], FloatArray | None]] = ElementTable(
-    "The reference's joint forces", STOPS, {Stop: _no_force, PointStop: _wall_normal}
+    "The reference's joint forces",
+    STOPS,
+    {
+        Stop: lambda kinematics, q, stop: None,  # a torque needs no force of a joint
+        PointStop: lambda kinematics, q, stop: _in_world(
+            kinematics, q, stop.relative_to, complex(*stop.normal)
+        ),
+    },
 )
 
 

@@ -219,9 +219,8 @@ class Solution(Shown):
             return None
         row = kinematics.point(point.body, point.point)
         rests = {s.name for s in mechanism.stops if s.body == point.body and s.closed}
-        return first_launch(
-            self._free_pieces(row, after, rests), angle, kinematics.speed_scale(row)
-        )
+        pieces = self._free_pieces(row, after, rests)
+        return first_launch(pieces, angle, kinematics.speed_scale(row))
 
     def _free_pieces(
         self, row: PointCoefficients, after: float, rests: set[str]
@@ -256,6 +255,17 @@ class Solution(Shown):
     ) -> Trajectory:
         """Everything that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
+        provenance = provenance or Provenance(
+            engine="reference",
+            engine_version=__version__,
+            preset="tuned",
+            settings=dict(self.settings),
+            mechanism_hash=mechanism.content_hash,
+            duration=self.problem.duration,
+            stop_law=self.problem.stop_law.value,
+            steps=self.evaluations,
+            wall_time=self.wall_time,
+        )
         markers: dict[str, PointMotion] = {}
         with numerical("with the figures of its motion"):
             phasors = kinematics.phasors(motion.q)
@@ -283,19 +293,6 @@ class Solution(Shown):
             stop_torques=motion.stop_torques,
             release_times=self.release_times,
             joint_reactions=reactions,
-            provenance=provenance or self._provenance(),
+            provenance=provenance,
             impacts=self.impacts,
-        )
-
-    def _provenance(self) -> Provenance:
-        return Provenance(
-            engine="reference",
-            engine_version=__version__,
-            preset="tuned",
-            settings=dict(self.settings),
-            mechanism_hash=self.problem.mechanism.content_hash,
-            duration=self.problem.duration,
-            stop_law=self.problem.stop_law.value,
-            steps=self.evaluations,
-            wall_time=self.wall_time,
         )

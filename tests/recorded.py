@@ -22,6 +22,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import recorded_engines
+import recorded_judging
 import trebucheck as tb
 import wrong_engines
 from mechanisms import (
@@ -40,7 +42,7 @@ from trebucheck.comparisons.diagnosis.faults import machine_suspects, systematic
 from trebucheck.comparisons.diagnosis.readings import all_readings
 from trebucheck.comparisons.judge import judge_file
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.conformance.suite import References, Suite, Target
+from trebucheck.conformance.suite import Suite, Target
 from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.trajectory import save
 from trebucheck.reference.certification.certify import certify
@@ -225,7 +227,7 @@ def conformance(engine: str, *problems: str) -> list[Any]:
     """Every verdict of the suite on an engine, which is forgotten after it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(ANNOUNCED, "")
-        suite = Suite(Target.of(engine), problems, References(), isolate=False)
+        suite = Suite(Target.of(engine), problems, isolate=False)
         return [json.loads(verdict.model_dump_json()) for verdict in suite.verdicts()]
 
 
@@ -348,6 +350,22 @@ CASES: dict[str, Callable[[], Any]] = {
         for engine in ("mujoco", "pymunk", "exudyn")
         for preset in ("tuned", "stock")
     },
+    **{
+        f"runs-{engine}-models": partial(recorded_engines.models, engine, inspected)
+        for engine in ("mujoco", "pymunk", "exudyn", "reference")
+    },
+    **{
+        f"runs-{engine}-events": partial(recorded_engines.motions, engine, summary)
+        for engine in ("mujoco", "pymunk", "exudyn")
+    },
+    **{
+        f"runs-{engine}-options": partial(recorded_engines.variants, engine, summary)
+        for engine in ("mujoco", "pymunk", "exudyn")
+    },
+    **{
+        f"runs-{engine}-studies": partial(recorded_engines.studied, engine)
+        for engine in ("mujoco", "pymunk", "exudyn", "reference")
+    },
     "compare-fixed": lambda: compared("fixed", "heavy", "torque-sign"),
     "compare-bouncing": lambda: compared("bob between", "earth-gravity", "releases-early"),
     "compare-loop": lambda: compared("loop", "late", "half-energy"),
@@ -361,6 +379,7 @@ CASES: dict[str, Callable[[], Any]] = {
     "judge-releases": lambda: judged("releases_early", "fixed", ".nc"),
     "conformance-degrees": lambda: conformance("wrong_engines:Wrong_degrees", "incline"),
     "conformance-full": lambda: conformance("dummy_engines:Full", "bead", "catapult"),
+    **recorded_judging.CASES,
 }
 
 

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
-from base64 import b64encode
 from dataclasses import dataclass, field
-from functools import cache
-from importlib.resources import files
+from functools import partial
 from itertools import chain, count
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup, escape
 
 from ...models.arrays import FloatArray
@@ -19,33 +15,26 @@ from .document import SIGNS, AnimationBlock, Document, Figure, Heading, in_mediu
 from .drawing import animation
 from .plots import Plot, Series
 
-_SYMBOLS = {
-    "circle": "M15 2a4 4 0 1 0 .01 0z",
-    "square": "M11 2h8v8h-8z",
-    "diamond": "M15 1l5 5-5 5-5-5z",
-    "triangle": "M15 1.500l5 8.500h-10z",
-    "star": "M15 1l1.500 3.500 4 .3-3 2.600 1 4-3.500-2.200-3.500 2.200 1-4-3-2.600 4-.3z",
-    "times": "M11 2l8 8m0-8l-8 8",
-}
-
 
 def page(document: Document) -> str:
     """The whole page as HTML text, scripts and all."""
-    state = _Page()
-    return animation.template(__package__ or "", "templates/page.html.j2").render(
+    package = __package__ or ""
+
+    def animated(block: AnimationBlock) -> Markup:
+        """An animation, whose style and script the page has once."""
+        scenes = block.scenes() if callable(block.scenes) else block.scenes
+        return animation.Animation(scenes, block.title).fragment(block.anchor)
+
+    return animation.template(package, "templates/page.html.j2").render(
+        page=_Page(),
         document=document,
         in_medium=in_medium,
         signs=SIGNS,
-        asset=_asset,
+        asset=partial(animation.resource, package),
         with_code=_with_code,
-        animated=_animated,
+        animated=animated,
         animation_assets=animation.assets,
-        anchor=state.anchor,
-        below=lambda: state.level + 1,
-        outline=lambda: state.outline,
-        drawn=state.drawn,
-        arrays=lambda: Markup(_json(state.arrays)),
-        has_plots=lambda: state.has_plots,
+        json=animation.script_json,
     )
 
 
@@ -55,11 +44,11 @@ class _Page:
 
     outline: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     """Chapters: text, anchor, and parts, which are such entries."""
-    arrays: list[str] = field(default_factory=list[str])
+    arrays: dict[str, int] = field(default_factory=dict[str, int])
+    """Numbers of arrays, by what is in them; each is on the page once."""
     taken: set[str] = field(default_factory=set[str])
     has_plots: bool = False
     level: int = 1  # level of the last heading
-    _index: dict[str, int] = field(default_factory=dict[str, int])
 
     def _list(self, level: int, text: str, anchor: str) -> None:
         """Add a chapter (level 2) or a section (3) to the contents."""
@@ -99,12 +88,11 @@ class _Page:
             names = ", ".join(dict.fromkeys(series.name for series in plot.series if series.name))
             alt, height = f"{title}: {y} against {x}; {names}.", 0 if plot.equal else plot.height
             places.append({"title": plot.title, "alt": alt, "height": height})
-        entries = [{"name": name, "swatch": _swatch(series)} for name, series in listed.items()]
         return {
-            "legend": entries if len(entries) > 1 else [],
+            "legend": [*listed.values()] if len(listed) > 1 else [],
             "panels": places,
             "columns": block.columns or min(len(panels), 3),
-            "data": Markup(_json([self._plot(plot) for plot in panels])),
+            "data": animation.script_json([self._plot(plot) for plot in panels]),
         }
 
     def _plot(self, plot: Plot) -> dict[str, Any]:
@@ -124,39 +112,8 @@ class _Page:
         return data | {"equal": plot.equal, "height": plot.height}
 
     def _add(self, values: FloatArray) -> int:
-        """Index of an array among those of the page; each is there once, in single precision."""
-        text = b64encode(np.asarray(values, dtype="<f4").tobytes()).decode()
-        if text not in self._index:
-            self._index[text] = len(self.arrays)
-            self.arrays.append(text)
-        return self._index[text]
-
-
-def _swatch(series: Series) -> Markup:
-    """A short stretch of a series, as in its plot."""
-    style, parts = series.style, Markup("")
-    if series.mark in ("line", "both"):
-        dash = Markup(' stroke-dasharray="4 3"') if style.dashed else ""
-        line = Markup('<path d="M1 6H29" stroke="{}" stroke-width="{}"{}/>')
-        parts += line.format(style.colour, min(style.width, 4), dash)
-    if series.mark != "line":
-        bar = series.mark == "bar"
-        fill = "none" if style.dashed and not bar else style.colour
-        symbol = Markup('<path d="{}" fill="{}" stroke="{}"/>')
-        shape = _SYMBOLS["square" if bar else style.symbol]
-        parts += symbol.format(shape, fill, style.colour)
-    return Markup('<svg viewBox="0 0 30 12" aria-hidden="true">{}</svg>').format(parts)
-
-
-def _json(value: object) -> str:
-    """JSON that is safe inside a script element."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def _animated(block: AnimationBlock) -> Markup:
-    """An animation as HTML that needs the assets of animations on its page."""
-    scenes = block.scenes() if callable(block.scenes) else block.scenes
-    return animation.Animation(scenes, block.title).fragment(block.anchor)
+        """Number of an array among those of the page, in single precision."""
+        return self.arrays.setdefault(animation.packed(values), len(self.arrays))
 
 
 def _with_code(text: object) -> Markup:
@@ -168,8 +125,3 @@ def _with_code(text: object) -> Markup:
     for k, part in enumerate(parts):
         marked += Markup("<code>{}</code>").format(part) if k % 2 else escape(part)
     return marked
-
-
-@cache
-def _asset(name: str) -> Markup:
-    return Markup(files(__package__ or "").joinpath("assets", name).read_text(encoding="utf-8"))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from rich import table as rich_table
@@ -35,6 +35,7 @@ class Fitted:
 
     column: Column
     cells: tuple[Cell, ...]  # one a row of the table
+    word: int  # width of its longest word
     least: int  # width in which its texts can be read
     width: int
     """Width of its texts on one line; or, where the table was made to fit, the one it has."""
@@ -64,13 +65,27 @@ class Layout:
         pairs = zip(self.columns, widths, strict=True)
         return replace(self, columns=tuple(replace(c, width=w) for c, w in pairs), gap=gap)
 
+    def with_whole_words(self, width: int) -> Layout | None:
+        """Texts broken at spaces; None where that is not enough."""
+        return self.within(width, 1, [column.word for column in self.columns])
+
+    def broken(self, width: int) -> Layout:
+        """Texts broken at spaces; words only where there is no other way."""
+        torn = self.within(width, 1, [1] * len(self.columns))
+        return self.with_whole_words(width) or torn or self
+
 
 def fitted(table: doc.Table, width: int) -> Layout:
     """A table in a terminal of this many characters a line."""
-    if width < _LIST_BELOW:
-        return _as_lists(table, width)
-    columns, left_out = _columns(table), list[Column]()
-    while True:
+    rows: list[list[Cell]] = []
+    for _, spanning in table.rows_in("terminal"):
+        rows.append([])
+        for cell, span in spanning:  # of columns that a cell spans, the first has its text
+            rows[-1] += [cell, *[Cell("")] * (span - 1)]
+    pairs = zip(table.columns_in("terminal"), zip(*rows, strict=True), strict=True)
+    every = [_measured(column, cells) for column, cells in pairs]
+    columns, left_out = [*every], list[Column]()
+    while width >= _LIST_BELOW:
         layout = Layout(tuple(columns), _GAP, tuple(left_out))
         on_one_line = [column.width for column in columns]
         for least in (on_one_line, [column.least for column in columns]):
@@ -80,73 +95,37 @@ def fitted(table: doc.Table, width: int) -> Layout:
                     return narrowed
         ranks = [0, *(column.column.rank for column in columns[1:])]
         if not max(ranks):  # all these columns must stay
-            whole = _with_whole_words(layout, width)
-            if whole is None and table.has_head:
-                return _as_lists(table, width)
-            return whole or _broken(layout, width)
+            if table.has_head and layout.with_whole_words(width) is None:
+                break
+            return layout.broken(width)
         last = max(range(len(ranks)), key=lambda i: (ranks[i], i))
         left_out.insert(0, columns.pop(last).column)
-
-
-def _with_whole_words(layout: Layout, width: int) -> Layout | None:
-    """Texts broken at spaces; None where that is not enough."""
-    least = [_longest_word(_texts(column.column, column.cells)) for column in layout.columns]
-    return layout.within(width, 1, least)
-
-
-def _broken(layout: Layout, width: int) -> Layout:
-    """Texts broken at spaces; words only where there is no other way."""
-    torn = layout.within(width, 1, [1] * len(layout.columns))
-    return _with_whole_words(layout, width) or torn or layout
-
-
-def _columns(table: doc.Table) -> list[Fitted]:
-    rows: list[list[Cell]] = []
-    for _, spanning in table.rows_in("terminal"):
-        rows.append([])
-        for cell, span in spanning:  # of columns that a cell spans, the first has its text
-            rows[-1] += [cell, *[Cell("")] * (span - 1)]
-    columns: list[Fitted] = []
-    for column, cells in zip(table.columns_in("terminal"), zip(*rows, strict=True), strict=True):
-        texts = _texts(column, cells)
-        whole = max(map(cell_len, texts))
-        least = max(_longest_word(texts), min(whole, max(_LEAST, math.ceil(whole / _LINES))))
-        columns.append(Fitted(column, cells, least if column.wrap else whole, whole))
-    return columns
-
-
-def _texts(column: Column, cells: Iterable[Cell]) -> list[str]:
-    """Lines of the heading and of the cells."""
-    lines: list[str] = []
-    unit = f"[{column.unit}]" if column.unit else ""
-    for text in (column.heading_words, unit, *(cell.text for cell in cells)):
-        lines += text.splitlines() or [""]
-    return lines
-
-
-def _longest_word(texts: Iterable[str]) -> int:
-    return max((cell_len(word) for text in texts for word in text.split()), default=0)
-
-
-def _as_lists(table: doc.Table, width: int) -> Layout:
-    """Each row as lines of title and value, an empty line between rows."""
-    columns = _columns(table)
+    # Each row as lines of title and value, an empty line between rows.
     titles: list[Cell] = []
     values: list[Cell] = []
-    for row in range(len(columns[0].cells)):
+    for row in range(len(rows)):
         if row:
             titles.append(Cell(""))
             values.append(Cell(""))
-        for column in columns:
+        for column in every:
             if column.cells[row].text:
                 titles.append(Cell(column.column.heading_words))
                 values.append(column.cells[row])
     head = Column("", align="left")
-    pair = tuple(
-        Fitted(head, tuple(cells), 0, max(map(cell_len, _texts(head, cells))))
-        for cells in (titles, values)
-    )
-    return _broken(Layout(pair, _GAP), width)
+    return Layout((_measured(head, titles), _measured(head, values)), _GAP).broken(width)
+
+
+def _measured(column: Column, cells: Sequence[Cell]) -> Fitted:
+    lines: list[str] = []
+    unit = f"[{column.unit}]" if column.unit else ""
+    for text in (column.heading_words, unit, *(cell.text for cell in cells)):
+        lines += text.splitlines() or [""]
+    whole = max(map(cell_len, lines))
+    word = max((cell_len(word) for line in lines for word in line.split()), default=0)
+    least = whole
+    if column.wrap:
+        least = max(word, min(whole, max(_LEAST, math.ceil(whole / _LINES))))
+    return Fitted(column, tuple(cells), word, least, whole)
 
 
 _STYLES: dict[doc.Mark, str] = {

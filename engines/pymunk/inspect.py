@@ -87,7 +87,7 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
         stop_torques={name: float(torque[0]) for name, torque in torques.items()},
         mass_matrix=mass,
         forces=forces,
-        centres={name: as_vectors(at.position)[0] for name, at in centres.items()},
+        centres={name: as_vectors(at[0])[0] for name, at in centres.items()},
         stop_gaps=gaps,
     )
 
@@ -164,8 +164,8 @@ def _point_gap(built: Assembly, stop: PointStop, reading: MotionReading) -> floa
     assert rod is not None
     anchor = complex(*rod.joint.anchor_a) + (0j if other is None else other.reference)
     wall = reading.frames[stop.relative_to]
-    point = reading.point(stop.body, stop.point).position
-    difference = complex((point - wall.point(anchor).position)[0])
+    point = reading.point(stop.body, stop.point)
+    difference = complex((point - wall.point(anchor))[0, 0])
     normal = complex(wall.world(complex(*stop.normal))[0])
     return (difference * normal.conjugate()).real - rod.length
 

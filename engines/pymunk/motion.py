@@ -224,10 +224,11 @@ class SteppedSegment:
 
     def _release_before_next(self) -> None:
         """Release the stop whose torque vanishes next, if that is before the next sample."""
-        k, before, now = self.stepper.steps, self._impulses, dict[str, float]()
+        k, stops, before = self.stepper.steps, self.assembly.stops, self._impulses
+        now: dict[str, float] = {}
         # Impulses tell at no cost, but by their size only, whether one may soon be zero.
-        far = k >= self.regimes[-1][0] + 3 or not self.assembly.stops
-        for name, joint in self.assembly.stops.items():
+        far = k >= self.regimes[-1][0] + 3 or not stops
+        for name, joint in stops.items():
             now[name] = impulse = joint.impulse
             far = far and impulse >= _NEAR * abs(impulse - before[name])
         self._impulses = now

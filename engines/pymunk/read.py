@@ -41,21 +41,8 @@ class BodySamples:
     """Angle [rad], angular velocity [rad/s] and acceleration [rad/s^2], counter-clockwise."""
 
 
-@dataclass(frozen=True)
-class PointState:
-    """A point at the samples: position, velocity, acceleration [m, s], complex, shape (n,)."""
-
-    position: ComplexArray
-    velocity: ComplexArray
-    acceleration: ComplexArray
-
-    def __sub__(self, other: PointState) -> PointState:
-        """The vector from another point."""
-        return PointState(
-            self.position - other.position,
-            self.velocity - other.velocity,
-            self.acceleration - other.acceleration,
-        )
+PointMotions = ComplexArray
+"""Position, velocity and acceleration of a point at the samples [m, s], shape (3, n)."""
 
 
 @dataclass(frozen=True)
@@ -63,36 +50,36 @@ class Frame:
     """A body of the mechanism: motion of a reference point and of its clockwise angle, (n,)."""
 
     reference: complex
-    at: PointState
+    at: PointMotions
     q: FloatArray
     u: FloatArray
     a: FloatArray
 
+    @cached_property
+    def _turn(self) -> ComplexArray:
+        """Factor from the body's frame to the world; each point of the body asks for it."""
+        return np.exp(-1j * self.q)
+
     def world(self, direction: complex) -> ComplexArray:
         """A direction given in the body's frame."""
-        return direction * np.exp(-1j * self.q)
+        return direction * self._turn
 
     def component(
-        self, direction: complex, vector: PointState
+        self, direction: complex, vector: PointMotions
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Along a direction of this frame: a vector's component, and its first and second rate."""
+        position, velocity, acceleration = vector
         along = self.world(direction).conjugate()  # turns with exp(+i q)
-        rate = vector.velocity + 1j * self.u * vector.position
-        second = (
-            vector.acceleration
-            + 2j * self.u * vector.velocity
-            + (1j * self.a - self.u**2) * vector.position
-        )
-        return (along * vector.position).real, (along * rate).real, (along * second).real
+        rate = velocity + 1j * self.u * position
+        second = acceleration + 2j * self.u * velocity + (1j * self.a - self.u**2) * position
+        return (along * position).real, (along * rate).real, (along * second).real
 
-    def point(self, local: complex) -> PointState:
+    def point(self, local: complex) -> PointMotions:
         """A point given in the body's frame [m]."""
-        arm = (local - self.reference) * np.exp(-1j * self.q)
-        return PointState(
-            self.at.position + arm,
-            self.at.velocity - 1j * self.u * arm,
-            self.at.acceleration - (1j * self.a + self.u**2) * arm,
-        )
+        arm = self.world(local - self.reference)
+        position, velocity, acceleration = self.at
+        velocity = velocity - 1j * self.u * arm
+        return np.stack([position + arm, velocity, acceleration - (1j * self.a + self.u**2) * arm])
 
 
 @dataclass
@@ -106,9 +93,9 @@ class MotionReading:
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
-        rest = np.zeros(self.samples.points.shape[1])
-        origin = np.zeros(rest.shape, dtype=np.complex128)
-        self.frames[GROUND] = Frame(0j, PointState(origin, origin, origin), rest, rest, rest)
+        _, n, _ = self.samples.points.shape
+        rest, origin = np.zeros(n), np.zeros((3, n), dtype=np.complex128)
+        self.frames[GROUND] = Frame(0j, origin, rest, rest, rest)
         for i, (name, part) in enumerate(self.assembly.parts.items()):
             self.frames[name] = self._frame(i, part)
         for name, place in self.assembly.placements.items():
@@ -120,7 +107,7 @@ class MotionReading:
                 )
 
     def _frame(self, i: int, part: BodyPart) -> Frame:
-        body = PointState(*self.samples.points[:, :, i])
+        body = self.samples.points[:, :, i]
         if part.turns:
             angle, spin, spin_rate = self.samples.angles[:, :, i]
             return Frame(part.reference, body, 0.0 - angle, 0.0 - spin, -spin_rate)
@@ -128,11 +115,11 @@ class MotionReading:
         rigid = self.assembly.rigid
         joint, (index, _) = rigid.joint_of(part.name), rigid.attitudes[part.name]
         assert index is not None
-        rod = body - self.point(joint.parent, joint.parent_point)
-        q = np.unwrap(-np.angle(rod.position / (part.reference - part.pin)))
+        rod, velocity, acceleration = body - self.point(joint.parent, joint.parent_point)
+        q = np.unwrap(-np.angle(rod / (part.reference - part.pin)))
         near = rigid.start[index] if self.near is None else float(self.near[index])
         turns = round((near - float(q[0])) / (2 * np.pi))
-        u, a = -(rod.velocity / rod.position).imag, -(rod.acceleration / rod.position).imag
+        u, a = -(velocity / rod).imag, -(acceleration / rod).imag
         return Frame(part.reference, body, q + 2 * np.pi * turns, u, a)
 
     @property
@@ -140,11 +127,11 @@ class MotionReading:
         """The mechanism that the assembly was built from."""
         return self.assembly.mechanism
 
-    def point(self, body: str, local: Vector) -> PointState:
+    def point(self, body: str, local: Vector) -> PointMotions:
         """A point of a body, or of the ground."""
         return self.frames[body].point(complex(*local))
 
-    def between(self, joint: AnyJoint) -> PointState:
+    def between(self, joint: AnyJoint) -> PointMotions:
         """The vector from a joint's point of the parent to that of the child."""
         parent = self.point(joint.parent, joint.parent_point)
         return self.point(joint.child, joint.child_point) - parent
@@ -167,8 +154,8 @@ class MotionReading:
         """Markers by name."""
         motions: dict[str, PointMotion] = {}
         for marker in self.mechanism.markers:
-            at = self.point(marker.body, marker.point)
-            motions[marker.name] = PointMotion(as_vectors(at.position), as_vectors(at.velocity))
+            position, velocity, _ = self.point(marker.body, marker.point)
+            motions[marker.name] = PointMotion(as_vectors(position), as_vectors(velocity))
         return motions
 
     def energies(self) -> tuple[FloatArray, FloatArray]:
@@ -176,9 +163,9 @@ class MotionReading:
         kinetic, potential = np.zeros((2, self.samples.points.shape[1]))
         weight = complex(*self.mechanism.gravity_vector)
         for body in self.mechanism.bodies:
-            centre, u = self.point(body.name, body.centre), self.frames[body.name].u
-            kinetic += 0.5 * (body.mass * np.abs(centre.velocity) ** 2 + body.inertia * u**2)
-            potential -= body.mass * (centre.position * weight.conjugate()).real
+            (centre, velocity, _), u = self.point(body.name, body.centre), self.frames[body.name].u
+            kinetic += 0.5 * (body.mass * np.abs(velocity) ** 2 + body.inertia * u**2)
+            potential -= body.mass * (centre * weight.conjugate()).real
         if self.mechanism.force_elements:
             potential += self._applied.potential_energy(self.motion[0])
         return kinetic, potential
@@ -214,11 +201,11 @@ class MotionReading:
         for joint in self.mechanism.joints:
             part, vector = self.assembly.parts.get(joint.child), self.between(joint)
             if is_pin(joint) and part and not part.turns and joint in self.mechanism.tree_joints:
-                parent = self.point(joint.parent, joint.parent_point).position
-                length = np.abs(self.frames[joint.child].at.position - parent)
+                rod = self.frames[joint.child].at - self.point(joint.parent, joint.parent_point)
+                length = np.abs(rod[0])
                 gaps[joint.name] = np.abs(length - abs(part.reference - part.pin))
             elif not joint.free_directions:
-                gaps[joint.name] = np.abs(vector.position)
+                gaps[joint.name] = np.abs(vector[0])
             elif joint.held_directions:
                 (across,) = joint.held_directions
                 gaps[joint.name] = np.abs(self.frames[joint.parent].component(across, vector)[0])
@@ -249,8 +236,8 @@ def forces_of(
     needed: _Forces = {}
     weight = complex(*mechanism.gravity_vector)
     for body in mechanism.bodies:
-        centre = reading.point(body.name, body.centre)
-        needed[body.name] = body.mass * (centre.acceleration - weight)
+        _, _, acceleration = reading.point(body.name, body.centre)
+        needed[body.name] = body.mass * (acceleration - weight)
     if mechanism.force_elements:
         for name, force in reading.applied_on_bodies.items():
             _act(needed, name, -force)
@@ -334,17 +321,17 @@ def _angle_torques(
 def _couple(reading: MotionReading, name: str, reactions: _Forces) -> FloatArray:
     """Clockwise couple that acts on a body besides gravity and the tree's forces [N m]."""
     body, frame = reading.mechanism.body(name), reading.frames[name]
-    centre = reading.point(name, body.centre).position
+    centre = reading.point(name, body.centre)[0]
     couple = body.inertia * frame.a
     for joint in reading.mechanism.tree_joints:
         if joint.child == name:
-            arm = reading.point(name, joint.child_point).position - centre
+            arm = reading.point(name, joint.child_point)[0] - centre
             couple = couple + (arm.conjugate() * reactions[joint.name]).imag
         elif joint.parent == name:
             at = (name, joint.parent_point)
             if joint.free_directions:  # a child that slides pushes where it is
                 at = (joint.child, joint.child_point)
-            arm = reading.point(*at).position - centre
+            arm = reading.point(*at)[0] - centre
             couple = couple - (arm.conjugate() * reactions[joint.name]).imag
     return couple
 

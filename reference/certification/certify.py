@@ -40,6 +40,7 @@ from ...models.library.registry import model
 from ...models.library.trebuchet import TrebuchetParameters
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
+from ...version import __version__
 from ..equations import Equations
 from ..solution import Solution
 from ..solver import characteristic_time, solve, solve_until
@@ -111,11 +112,7 @@ class MinimalMotion:
         self.solution = solution
         self.kinematics = solution.equations.kinematics
         self.release_times: Mapping[str, float | None] = solution.release_times
-
-    @property
-    def launch(self) -> Launch | None:
-        """The launch at 45 degrees."""
-        return self.solution.launch
+        self.launch = solution.launch
 
     def state(self, t: float) -> tuple[FloatArray, FloatArray]:
         """Q and u."""
@@ -141,7 +138,7 @@ class MinimalMotion:
 
 
 class Key(NamedTuple):
-    """Which quantity a figure is of."""
+    """Quantity that a figure is of."""
 
     name: str
     subject: str | None
@@ -405,6 +402,12 @@ def certify(
         computations.append(task.computation)
         for key, value in values.items():
             by_key[key][name] = value
+    versions = {"trebucheck": __version__, "python": platform.python_version()}
+    for package in ("numpy", "scipy", "heyoka", "sympy"):
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            versions[package] = "not installed"
     figures: list[Figure] = []
     for key, (value, uncertainty) in judge(by_key, computations).items():
         given = key._asdict()
@@ -414,7 +417,7 @@ def certify(
         mechanism_hash=mechanism.content_hash,
         command=command or f"trebucheck certify --models {mechanism.name}",
         rule=RULE,
-        versions=_versions(),
+        versions=versions,
         computations=tuple(computations),
         absent=tuple(absent),
         figures=tuple(figures),
@@ -587,15 +590,3 @@ def _taylor_values(problem: Problem, plan: Plan, precision: Precision) -> dict[K
         if (value := direct.get(key[:3])) is not None:
             values[key] = float(value)
     return values
-
-
-def _versions() -> dict[str, str]:
-    from ...version import __version__
-
-    versions = {"trebucheck": __version__, "python": platform.python_version()}
-    for package in ("numpy", "scipy", "heyoka", "sympy"):
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            versions[package] = "not installed"
-    return versions

@@ -128,7 +128,7 @@ def test_what_stands_in_the_way_of_pymunk_is_rounding() -> None:
     1e-6 N m of a torque of 8e4 is beyond it, however short the step.
     """
     found = recommend_study(
-        Study(["fixed"], ["pymunk"], until=0.8, isolate=False), Asked(torque=1e-6), neighbours=0
+        Study(["fixed"], ["pymunk"], isolate=False), Asked(torque=1e-6), neighbours=0
     ).engine("pymunk")
     assert found.choice is None and found.obstacle == "rounding", found.message
 

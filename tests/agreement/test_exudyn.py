@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import again
 from mechanisms import (
     TABLE_ONE,
     four_bar,
@@ -310,6 +311,7 @@ def test_a_wrong_option_is_named(option: str, value: object) -> None:
         ExudynEngine(**{option: value})
 
 
+@again  # as test_front_door.py asks of all engines
 def test_the_class_does_not_load_exudyn() -> None:
     code = (
         "import sys, trebucheck.engines.exudyn.engine as m; E = m.ExudynEngine; E.version(); "

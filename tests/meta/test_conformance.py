@@ -19,15 +19,16 @@ import jsonschema
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
+from trebucheck.comparisons.compare import MachineRuns
 from trebucheck.conformance import plugin
 from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
-from trebucheck.conformance.suite import References, Session, Suite, Target
+from trebucheck.conformance.suite import Session, Suite, Target
 from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance, Deviations
 from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.spec import schema_text
 
 TESTS = Path(__file__).parents[1]
-REFERENCES = References()
+REFERENCES: dict[str, MachineRuns] = {}
 PROBLEMS = ("catapult", "fixed")
 
 REJECTED: dict[str, tuple[str, str]] = {

@@ -25,20 +25,22 @@ def _python(code: str) -> str:
     ).stdout.strip()
 
 
-@pytest.mark.parametrize(
-    "code",
-    [
-        "import trebucheck",
-        "import trebucheck as tb; tb.engines(); [tb.engine(name) for name in tb.engines()]",
-        "import contextlib, io, trebucheck.__main__ as m; "
-        "contextlib.redirect_stdout(io.StringIO()).__enter__(); m.main(['--help']); "
-        "m.main(['compare', '--help'])",
-    ],
-    ids=["import", "engines", "help"],
+STEPS = (
+    "import trebucheck",
+    "import trebucheck as tb; tb.engines(); [tb.engine(name) for name in tb.engines()]",
+    "import contextlib, io, trebucheck.__main__ as m",
+    "contextlib.redirect_stdout(io.StringIO()).__enter__(); m.main(['--help'])",
+    "m.main(['compare', '--help'])",
 )
-def test_no_engine_library_is_loaded(code: str) -> None:
-    check = f"import sys; {code}; assert not [n for n in {ENGINE_LIBRARIES} if n in sys.modules]"
-    _python(f"{check}; assert 'trebucheck' in sys.modules")
+
+
+def test_no_engine_library_is_loaded() -> None:
+    """By any of these steps, one after the other in one process."""
+    code = ["import sys"]
+    for step in STEPS:
+        loaded = f"[n for n in {ENGINE_LIBRARIES} if n in sys.modules]"
+        code += [step, f"assert not {loaded}, ({step!r}, {loaded})"]
+    _python("\n".join([*code, "assert 'trebucheck' in sys.modules"]))
 
 
 @pytest.mark.parametrize(
@@ -254,18 +256,17 @@ from comparisons.problems.check import check
 """
 
 
-@pytest.mark.parametrize("line", OLD_NAMES_OF_FUNCTIONS.split("\n")[1:-1])
-def test_an_old_module_s_name_does_not_hide_the_function_of_that_name(line: str) -> None:
-    old, name = line.removeprefix("from ").split(" import ")
-    new = old.rpartition(".")[0]
-    code = f"""
-import importlib, warnings
-warnings.simplefilter("ignore")
+def test_an_old_module_s_name_does_not_hide_the_function_of_that_name() -> None:
+    code = ["import importlib, warnings", 'warnings.simplefilter("ignore")']
+    for line in OLD_NAMES_OF_FUNCTIONS.split("\n")[1:-1]:
+        old, name = line.removeprefix("from ").split(" import ")
+        new = old.rpartition(".")[0]
+        code.append(f"""
 new = importlib.import_module("trebucheck.{new}")
 function = new.{name}
 importlib.import_module("trebucheck.{old}")
 assert callable(new.{name})
 from trebucheck.{old} import {name}
 assert {name} is function is new.{name}
-"""
-    assert _python(code) == ""
+""")
+    assert _python("\n".join(code)) == ""

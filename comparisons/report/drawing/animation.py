@@ -28,14 +28,12 @@ from markupsafe import Markup
 from ....models.arrays import ComplexArray, FloatArray
 from ....models.errors import InputError
 from ....models.files import refuse_unwritable, write_bytes, write_text
-from ....models.trajectory import Trajectory
-from .scene import HOLD, RunLook, RunMotion, Scene, play_times, scene
+from .scene import HOLD, RunMotion, Scene, play_times
 from .sketch import MOVING, Role, Shape, polylines
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
-_RUN_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 _NARROWEST, _WIDEST = 100, 4000  # [px]
 _MOST_HALF = 65504.0  # the largest number of half precision
 _DIGITS = 9  # of coefficients and sizes: more than a float32 has
@@ -69,16 +67,15 @@ class Animation:
 
     scenes: Sequence[Scene]
     title: str = "animation"
-    _cache: dict[str, str] = field(default_factory=dict[str, str], repr=False, compare=False)
+    _data: list[Markup] = field(default_factory=list[Markup], init=False, compare=False)
+    """The scenes as JSON, once that was made."""
 
     def fragment(self, identity: str = "animation") -> Markup:
         """HTML to be placed into a page that has :func:`assets`; `identity` is unique there."""
-        if "data" not in self._cache:
-            data = [scene_data(shown) for shown in self.scenes]
-            text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-            self._cache["data"] = text.replace("<", "\\u003c")  # safe inside a script element
-        data = Markup(self._cache["data"])
+        if not self._data:
+            self._data.append(script_json([scene_data(shown) for shown in self.scenes]))
         fragment = template(__package__ or "", "assets/fragment.html.j2")
+        (data,) = self._data
         return Markup(fragment.render(animation=self, identity=identity, data=data))
 
     def to_html(self) -> str:
@@ -117,8 +114,12 @@ class Animation:
             if not 0 <= time <= end:
                 raise InputError(f"at = {time!r} s is not within the motion, 0 to {end:.6g} s.")
         stage = Stage(self.scenes[0], width)
-        made = still(stage, instants) if instants else WRITERS[path.suffix.lower()](stage)
-        write_bytes(path, made)
+        if not instants:
+            write_bytes(path, WRITERS[path.suffix.lower()](stage))
+            return
+        *before, last = sorted(instants)
+        stage.show(last, before)
+        write_bytes(path, _svg_of(stage))
 
     def __repr__(self) -> str:
         names = ", ".join(f"{shown.name} ({len(shown.runs)} runs)" for shown in self.scenes)
@@ -130,28 +131,10 @@ class Animation:
         return frame.render(page=self.to_html(), title=self.title)
 
 
-def animation_of(reference: Trajectory, others: Sequence[Trajectory] = ()) -> Animation:
-    """A trajectory in motion, with others of the same mechanism over it.
-
-    Raises:
-        InputError: another one is of another mechanism.
-    """
-    looks: dict[str, RunLook] = {}
-    for k, other in enumerate(others):
-        run = other.provenance
-        label = f"{run.engine} {run.preset}"
-        label = f"{label} ({k + 1})" if label in looks else label
-        looks[label] = RunLook(other, _RUN_COLOURS[k % len(_RUN_COLOURS)], run.preset != "tuned")
-    shown = scene(reference, looks)
-    return Animation((shown,), f"{shown.mechanism_title}: the motion")
-
-
 @cache
 def assets() -> Markup:
     """Style and script of all animations of a page."""
-    folder = files(__package__ or "").joinpath("assets")
-    style = folder.joinpath("animation.css").read_text(encoding="utf-8")
-    script = folder.joinpath("animation.js").read_text(encoding="utf-8")
+    style, script = (resource(__package__ or "", f"assets/animation.{e}") for e in ("css", "js"))
     return Markup(f"<style>\n{style}</style>\n<script>\n{script}</script>")
 
 
@@ -161,26 +144,36 @@ def template(package: str, path: str) -> Template:
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    text = files(package).joinpath(path).read_text(encoding="utf-8")
-    return environment.from_string(text)
+    return environment.from_string(resource(package, path))
+
+
+@cache
+def resource(package: str, path: str) -> Markup:
+    """The text of one of the files of a package."""
+    return Markup(files(package).joinpath(path).read_text(encoding="utf-8"))
+
+
+def script_json(value: object) -> Markup:
+    """JSON that is safe inside a script element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c"))
 
 
 def scene_data(shown: Scene) -> dict[str, Any]:
     """Data from which the script draws a scene; arrays in base64, little-endian, by frame."""
     drawing, reference = shown.drawing, shown.reference
-    mechanism = drawing.mechanism
+    mechanism = drawing.kinematics.mechanism
     stops = [name for name in drawing.stops if name in reference.stop_torques]
     stop_rows: list[list[Any]] = []
     for name in stops:
         stop = mechanism.stop(name)
-        sense = getattr(stop, "sense", 0)
-        stop_rows.append([name, *drawing.stops[name], stop.force_unit, sense])
+        stop_rows.append([name, *drawing.stops[name], stop.force_unit, getattr(stop, "sense", 0)])
     torques = [reference.stop_torque(name)[:, None] for name in stops]
     joints: list[str] = []
     for joint in mechanism.joints:
         force = reference.joint_reactions.get(joint.name)
-        told = force is not None and np.isfinite(force).all() and np.any(force)
-        if joint.held_directions and told:
+        recorded = force is not None and np.isfinite(force).all() and np.any(force)
+        if joint.held_directions and recorded:
             joints.append(joint.name)
     forces = [reference.joint_reaction(name) for name in joints]
     # Offset x, y of each point, then triples of coordinate and coefficient.
@@ -199,36 +192,25 @@ def scene_data(shown: Scene) -> dict[str, Any]:
         shapes.append([kind, shape.role, shape.points, size, path, shape.stop, moves])
     runs: list[dict[str, Any]] = []
     for run in shown.runs:
-        aside = {name: _packed(values) for name, values in run.aside.items()}
+        aside = {name: packed(values) for name, values in run.aside.items()}
         runs.append({
-            "name": run.name, "colour": run.colour, "dashed": run.dashed, "d": _packed(run.d),
+            "name": run.name, "colour": run.colour, "dashed": run.dashed, "d": packed(run.d),
             "aside": aside, "torques": _forces(stops, run.torques, (len(shown.t), 1)),
             "forces": _forces(joints, run.forces, (len(shown.t), 2)),
         })  # fmt: skip
     return {
-        "name": shown.name,
-        "notes": shown.notes,
-        "t": _packed(shown.t, "<f8"),
-        "q": _packed(reference.q),
-        "u": _packed(reference.u),
-        "width": len(mechanism.coordinates),
-        "angles": int(drawing.kinematics.is_angle.sum()),
-        "carried": drawing.kinematics.carried,
-        "points": points,
-        "shapes": shapes,
-        "markers": drawing.markers,
-        "compared": drawing.compared,
-        "box": [_short(edge) for edge in shown.box],
-        "size": _short(drawing.size),
-        "stops": stop_rows,
-        "torques": _packed(np.hstack(torques)) if torques else "",
+        "name": shown.name, "notes": shown.notes, "t": packed(shown.t, "<f8"),
+        "q": packed(reference.q), "u": packed(reference.u),
+        "width": len(mechanism.coordinates), "angles": int(drawing.kinematics.is_angle.sum()),
+        "carried": drawing.kinematics.carried, "points": points, "shapes": shapes,
+        "markers": drawing.markers, "compared": drawing.compared,
+        "box": [_short(edge) for edge in shown.box], "size": _short(drawing.size),
+        "stops": stop_rows, "torques": packed(np.hstack(torques)) if torques else "",
         "joints": [[name, drawing.joints[name]] for name in joints],
-        "forces": _packed(np.hstack(forces)) if forces else "",
-        "runs": runs,
+        "forces": packed(np.hstack(forces)) if forces else "", "runs": runs,
         "events": [asdict(event) for event in shown.events],
-        "magnification": math.log10(shown.magnification),
-        "down": mechanism.gravity_direction,
-    }
+        "magnification": math.log10(shown.magnification), "down": mechanism.gravity_direction,
+    }  # fmt: skip
 
 
 def _forces(
@@ -241,10 +223,11 @@ def _forces(
     values = np.hstack([recorded.get(name, nothing).reshape(shape) for name in names])
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     unit = _short(float(np.median(sizes))) if len(sizes) else 1.0
-    return [unit, _packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
+    return [unit, packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
 
 
-def _packed(values: FloatArray, kind: str = "<f4") -> str:
+def packed(values: FloatArray, kind: str = "<f4") -> str:
+    """An array in base64."""
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
 
 
@@ -368,27 +351,28 @@ class Stage:
 
     # --- Frames
 
-    def show(self, time: float, *, traces: bool = True) -> None:
-        """Draw an instant [s] in place of what is on the stage."""
-        self.clear()
-        self.draw_reference(time)
-        self.draw_runs(time)
-        self.draw_names(time)
-        places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
-        self.set_clock(f"t = {time:.{places}f} s")
-        if traces:
-            self.draw_traces(0.0, time)
+    def show(self, time: float, before: Sequence[float] = (), traced: float = 0.0) -> None:
+        """Draw an instant [s] in place of what is on the stage.
 
-    def clear(self) -> None:
-        """Take everything off the stage."""
+        Args:
+            time: the instant.
+            before: earlier ones, whose mechanisms are drawn behind it, the earlier the fainter.
+            traced: where the traces up to the instant begin [s].
+        """
         for axes in (self.stage, self.traces):
             for artist in (*axes.patches, *axes.texts):
                 artist.remove()
         self._zorder = 0
-
-    def set_clock(self, text: str) -> None:
-        """Write the time on the stage, at its lower edge."""
-        self.stage.text(10 / self.width, -20 / self.stage_height, text, color=PALETTE["ink"],
+        for k, earlier in enumerate(before):
+            self._draw_reference(earlier, 0.25 + 0.2 * k / len(before))
+        self._draw_reference(time)
+        self._draw_runs(time)
+        self._draw_names(time)
+        if traced < time:
+            self._draw_traces(traced, time)
+        places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
+        clock = f"{before[0]:.4g} to {time:.4g} s" if before else f"t = {time:.{places}f} s"
+        self.stage.text(10 / self.width, -20 / self.stage_height, clock, color=PALETTE["ink"],
                         fontsize=_FONT, va="baseline", transform=self.stage.transAxes)  # fmt: skip
 
     def points(self, time: float, run: RunMotion | None = None) -> ComplexArray:
@@ -401,7 +385,7 @@ class Stage:
         left, top = self.stage.get_xlim()[0], self.stage.get_ylim()[1]
         return np.asarray(self.scale * np.conj(z - complex(left, top)), dtype=np.complex128)
 
-    def draw_reference(self, time: float, opacity: float = 1.0) -> None:
+    def _draw_reference(self, time: float, opacity: float = 1.0) -> None:
         """Draw the mechanism; stops that have opened are faint."""
         z = self.points(time)
         opened = {
@@ -413,7 +397,7 @@ class Stage:
             faint = 0.3 if shape.stop in opened else 1.0
             self._draw_shape(shape, z[list(shape.points)], opacity * faint)
 
-    def draw_runs(self, time: float) -> None:
+    def _draw_runs(self, time: float) -> None:
         """Draw what moves of each run over the reference; nothing after the run's end."""
         for k, run in enumerate(self.scene.runs):
             z = self.points(time, run)
@@ -430,11 +414,11 @@ class Stage:
                 fine = shape.kind in ("between", "spiral")
                 self._lines(polylines(shape, at), thin if fine else pen, run.name)
                 if shape.kind == "disc" and shape.role == "marker":
-                    self._disc(at[0], shape.size, _NO_LINE, run.colour, run.name)
+                    self._disc(at[0], shape.size, Pen("", 0.0), run.colour, run.name)
                 elif shape.kind == "disc":
                     self._disc(at[0], shape.size, pen, "", run.name)
 
-    def draw_names(self, time: float) -> None:
+    def _draw_names(self, time: float) -> None:
         """Write the markers' names beside them; below each other where they would overlap."""
         pixels = self.pixels(self.points(time))
         taken: list[complex] = []
@@ -448,7 +432,7 @@ class Stage:
             self.stage.text(*place, name, color=PALETTE["soft"], fontsize=_FONT, zorder=10_000,
                             bbox=_HALO, transform=self.stage.transAxes)  # fmt: skip
 
-    def draw_traces(self, start: float, end: float) -> None:
+    def _draw_traces(self, start: float, end: float) -> None:
         """Draw the paths of the compared points between two instants [s]."""
         inner = (self.scene.fine > start) & (self.scene.fine < end)
         for run, fine in self._paths:
@@ -555,39 +539,17 @@ class Stage:
         self._add(Circle(at, radius, facecolor=fill or "none", **pen.style), name)
 
 
-_NO_LINE = Pen("", 0.0)
-
-
 def _path_of(lines: Sequence[ComplexArray], pen: Pen) -> Artist:
     """Polylines [m] as one path."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Curve
 
     curves = [Curve(np.column_stack([line.real, line.imag])) for line in lines]
-    return PathPatch(
-        Curve.make_compound_path(*curves), fill=False, joinstyle="round",
-        capstyle="butt" if pen.dashed else "round", **pen.style,
-    )  # fmt: skip
+    path, cap = Curve.make_compound_path(*curves), "butt" if pen.dashed else "round"
+    return PathPatch(path, fill=False, joinstyle="round", capstyle=cap, **pen.style)
 
 
 # --- Files
-
-
-def still(stage: Stage, times: Sequence[float]) -> bytes:
-    """Write instants [s] as one SVG: of several all are drawn, the earlier the fainter."""
-    *before, last = sorted(times)
-    if not before:
-        stage.show(last)
-        return _svg_of(stage)
-    stage.clear()
-    stage.draw_traces(0.0, last)
-    for k, time in enumerate(before):
-        stage.draw_reference(time, 0.25 + 0.2 * k / len(before))
-    stage.draw_reference(last)
-    stage.draw_runs(last)
-    stage.draw_names(last)
-    stage.set_clock(f"{before[0]:.4g} to {last:.4g} s")
-    return _svg_of(stage)
 
 
 def _svg_of(stage: Stage) -> bytes:
@@ -617,21 +579,19 @@ def _svg(stage: Stage) -> bytes:
     root: ET.Element | None = None
     layers: dict[str, list[ET.Element]] = {"traces": [], "stage": []}
     for k, time in enumerate(times):
-        stage.show(time, traces=False)
-        if k:
-            stage.draw_traces(times[k - 1], time)
+        stage.show(time, traced=times[max(k - 1, 0)])
         tree = ET.fromstring(_svg_of(stage))
         begin, finish = k / _SVG_RATE / duration, (k + 1) / _SVG_RATE / duration
+        finish = 1.0 if k == len(times) - 1 else finish
         for parent in [*tree.iter()]:
             for layer in [*parent]:
-                if layer.get("id") == "traces":
+                name = layer.get("id", "")
+                if name == "traces":
                     _play(layer, f"path-{k}", k <= shown_still, begin, 1.0, duration)
-                    layers["traces"].append(layer)
-                    parent.remove(layer)
-                elif layer.get("id") == "stage":
-                    last = 1.0 if k == len(times) - 1 else finish
-                    _play(layer, f"frame-{k}", k == shown_still, begin, last, duration)
-                    layers["stage"].append(layer)
+                elif name == "stage":
+                    _play(layer, f"frame-{k}", k == shown_still, begin, finish, duration)
+                if name in layers:
+                    layers[name].append(layer)
                     parent.remove(layer)
         root = tree if root is None else root
     assert root is not None

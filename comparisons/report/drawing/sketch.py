@@ -84,7 +84,7 @@ class FramePoint:
     arm: complex = 0j  # vector in the frame of `frame` [m]
 
     def coefficients(self, kinematics: Kinematics) -> PointCoefficients:
-        """Its position's coefficients."""
+        """Coefficients of its position."""
         row = kinematics.point(self.body, (self.at.real, self.at.imag))
         arm = kinematics.between(self.frame, (self.arm.real, self.arm.imag), self.frame, (0.0, 0.0))
         return PointCoefficients(row.offset + arm.offset, row.coefficients + arm.coefficients)
@@ -106,8 +106,9 @@ class Shape:
 class Drawing:
     """A mechanism's points and shapes, and the part of the plane that its motion needs."""
 
-    mechanism: Mechanism
+    kinematics: Kinematics
     points: tuple[FramePoint, ...]
+    rows: tuple[PointCoefficients, ...]  # coefficients of the points' positions
     shapes: tuple[Shape, ...]
     markers: dict[str, int]  # index of each marker's point, by name
     compared: tuple[int, ...]
@@ -120,19 +121,9 @@ class Drawing:
     box: Box
     size: float  # a length [m] of the whole, from which the sizes of symbols follow
 
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """Kinematics of the mechanism."""
-        return Kinematics(self.mechanism)
-
-    @cached_property
-    def rows(self) -> tuple[PointCoefficients, ...]:
-        """Coefficients of the points' positions."""
-        return tuple(point.coefficients(self.kinematics) for point in self.points)
-
     def positions(self, q: FloatArray) -> FloatArray:
         """World positions [m] in states q of shape (n, n_q); shape (n, n_points, 2)."""
-        return positions(self.kinematics, self.rows, q)
+        return _positions(self.kinematics, self.rows, q)
 
     def deviations(self, q: FloatArray, d: FloatArray) -> FloatArray:
         """Positions in states q + d less those in q [m], (n, n_points, 2), to the digits of d.
@@ -151,11 +142,9 @@ class Drawing:
         return as_vectors(change @ coefficients.T)
 
 
-def positions(
-    kinematics: Kinematics, rows: Iterable[PointCoefficients], q: FloatArray
+def _positions(
+    kinematics: Kinematics, rows: Sequence[PointCoefficients], q: FloatArray
 ) -> FloatArray:
-    """World positions [m] of points in states q of shape (n, n_q); shape (n, n_points, 2)."""
-    rows = tuple(rows)
     offsets = np.array([row.offset for row in rows])
     coefficients = np.array([row.coefficients for row in rows])
     return as_vectors(offsets + kinematics.phasors(q) @ coefficients.T)
@@ -173,6 +162,10 @@ class Sketch:
     """Its motion, shape (n, n_q): extents of guides, walls and the whole follow from it."""
     points: dict[FramePoint, int] = field(default_factory=dict[FramePoint, int])
     shapes: list[Shape] = field(default_factory=list[Shape])
+    beams: list[tuple[tuple[int, ...], float, bool]] = field(default_factory=list[Any])
+    """Points and mass [kg] of what is drawn as a beam, or (True) a plate."""
+    masses: list[tuple[int, float]] = field(default_factory=list[Any])
+    """Point and mass [kg] of what is drawn as a point mass."""
 
     def point(self, body: str, at: complex, frame: str = GROUND, arm: complex = 0j) -> int:
         """Index of a point; the same for the same point."""
@@ -201,14 +194,19 @@ class Sketch:
         """Longer side of what the bodies' points and centres sweep [m]; 1 for a point at rest."""
         points = [FramePoint(name, at) for name, ats in self.outlines.items() for at in ats]
         points += [FramePoint(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
-        xy = self.positions(points).reshape(-1, 2)
+        xy = _positions(self.kinematics, self.rows(points), self.q).reshape(-1, 2)
         spread = float(np.max(xy.max(axis=0) - xy.min(axis=0)))
         return spread if math.isfinite(spread) and spread > 0 else 1.0
 
-    @property
+    @cached_property
     def unit(self) -> float:
         """A hundredth of the whole, less where many bodies must find room [m]."""
         return 0.01 * self.size * min(1.0, 12.0 / len(self.mechanism.bodies))
+
+    @cached_property
+    def body_size(self) -> float:
+        """The whole, less where many bodies must find room [m]."""
+        return self.size * min(1.0, 9.0 / len(self.mechanism.bodies))
 
     @cached_property
     def outlines(self) -> dict[str, list[complex]]:
@@ -249,17 +247,14 @@ class Sketch:
 
     def hinge(self, body: str, other: str) -> complex:
         """Where a body turns against another one, in its frame: their joint, or else its own."""
-        joint = self.mechanism.joint_of(body)
-        for between in self.mechanism.joints:
-            if {between.parent, between.child} == {body, other}:
-                joint = between
-                break
+        joints = self.mechanism.joints
+        common = [joint for joint in joints if {joint.parent, joint.child} == {body, other}]
+        joint = (*common, self.mechanism.joint_of(body))[0]
         return complex(*(joint.child_point if joint.child == body else joint.parent_point))
 
-    def positions(self, points: Iterable[FramePoint]) -> FloatArray:
-        """Positions of points during the motion [m], shape (n, n_points, 2)."""
-        rows = (point.coefficients(self.kinematics) for point in points)
-        return positions(self.kinematics, rows, self.q)
+    def rows(self, points: Iterable[FramePoint]) -> tuple[PointCoefficients, ...]:
+        """Coefficients of the positions of points."""
+        return tuple(point.coefficients(self.kinematics) for point in points)
 
 
 # --- Bodies
@@ -270,103 +265,86 @@ _UNIFORM = 0.02  # by which the inertia of a rod may differ from a uniform one's
 
 def add_bodies(sketch: Sketch) -> None:
     """Bodies, with sizes that compare their masses: widths and radii grow as the cube root."""
-    parts = _Parts(sketch)
     for body in sketch.mechanism.bodies:
-        parts.add(body)
+        _add_body(sketch, body)
     # Beams, plates and masses are added last: their sizes are in proportion to the largest.
-    size = sketch.size * parts.crowd
-    widest = max((mass for _, mass, _ in parts.beams), default=1.0)
-    for points, mass, plate in parts.beams:
+    size = sketch.body_size
+    widest = max((mass for _, mass, _ in sketch.beams), default=1.0)
+    for points, mass, plate in sketch.beams:
         share = max(mass / widest, 0.0) ** (1 / 3) if widest > 0 else 0.0
         role: Role = "body" if share > 0.05 else "rope"
         sketch.add("area" if plate else "line", role, points, size * (0.006 + 0.012 * share))
-    heaviest = max((mass for _, mass in parts.masses), default=1.0)
-    for index, mass in parts.masses:
+    heaviest = max((mass for _, mass in sketch.masses), default=1.0)
+    for index, mass in sketch.masses:
         radius = size * max(0.01, 0.04 * (mass / heaviest) ** (1 / 3))
         sketch.add("disc", "mass", (index,), radius)
 
 
-@dataclass
-class _Parts:
-    """Beams, plates and point masses that bodies are drawn as."""
+def _add_body(sketch: Sketch, body: Body) -> None:
+    """A body, by what is known of it: its points, mass and inertia."""
+    name, centre = body.name, complex(*body.centre)
+    points = distinct(sketch.outlines[name], centre, sketch.size)
+    # A disc would say little where a joint holds its angle, or a stop its centre.
+    shows_no_turn = sketch.mechanism.joint_of(name).holds_angle
+    for stop in sketch.mechanism.point_stops:
+        shows_no_turn |= stop.body == name and complex(*stop.point) == centre
+    if body.inertia == 0 or (not points and shows_no_turn):
+        # A mass on ropes or light links.
+        end = sketch.point(name, centre)
+        for point in points:
+            sketch.add("line", "rope", (sketch.point(name, point), end), 0.004 * sketch.size)
+        sketch.masses.append((end, body.mass))
+        return
+    shows_centre = True
+    if not points:
+        # A uniform disc of the body's inertia, with a spoke that shows how it turns.
+        radius = min(math.sqrt(2 * body.inertia / body.mass), sketch.size)
+        middle, rim = sketch.point(name, centre), sketch.point(name, centre + radius)
+        sketch.add("disc", "body", (middle,), radius)
+        sketch.add("line", "centre", (middle, rim), 0.004 * sketch.size)
+    elif len(points) == 1:
+        shows_centre = _add_rod(sketch, body, points[0], centre)
+    elif on_a_line(np.array([*points, centre])):
+        shows_centre = _add_loaded_rod(sketch, body, [*points, centre])
+    else:
+        corners = [*points, centre]
+        hull = ConvexHull([(corner.real, corner.imag) for corner in corners]).vertices
+        indices = tuple(sketch.point(name, corners[k]) for k in hull)
+        sketch.beams.append((indices, body.mass, True))
+    if shows_centre:
+        index = sketch.point(name, centre)
+        sketch.add("disc", "centre", (index,), 0.005 * sketch.body_size)
 
-    sketch: Sketch
-    beams: list[tuple[tuple[int, ...], float, bool]] = field(
-        default_factory=list[tuple[tuple[int, ...], float, bool]]
-    )
-    """Points, mass [kg], and whether it is a plate."""
-    masses: list[tuple[int, float]] = field(default_factory=list[tuple[int, float]])
-    """Point and mass [kg]."""
 
-    def add(self, body: Body) -> None:
-        """A body, by what is known of it."""
-        sketch, name, centre = self.sketch, body.name, complex(*body.centre)
-        points = distinct(sketch.outlines[name], centre, sketch.size)
-        # A disc would say little where a joint holds its angle, or a stop its centre.
-        shows_no_turn = sketch.mechanism.joint_of(name).holds_angle
-        for stop in sketch.mechanism.point_stops:
-            shows_no_turn |= stop.body == name and complex(*stop.point) == centre
-        if body.inertia == 0 or (not points and shows_no_turn):
-            # A mass on ropes or light links.
-            end = sketch.point(name, centre)
-            for point in points:
-                ends = sketch.point(name, point), end
-                sketch.add("line", "rope", ends, 0.004 * sketch.size)
-            self.masses.append((end, body.mass))
-        elif not points:
-            # A uniform disc of the body's inertia, with a spoke that shows how it turns.
-            radius = min(math.sqrt(2 * body.inertia / body.mass), sketch.size)
-            middle, rim = sketch.point(name, centre), sketch.point(name, centre + radius)
-            sketch.add("disc", "body", (middle,), radius)
-            sketch.add("line", "centre", (middle, rim), 0.004 * sketch.size)
-            self.centre(middle)
-        elif len(points) == 1:
-            self._rod(body, points[0], centre)
-        elif on_a_line(np.array([*points, centre])):
-            self._loaded_rod(body, [*points, centre], centre)
-        else:
-            corners = [*points, centre]
-            hull = ConvexHull([(corner.real, corner.imag) for corner in corners]).vertices
-            indices = tuple(sketch.point(name, corners[k]) for k in hull)
-            self.beams.append((indices, body.mass, True))
-            self.centre(sketch.point(name, centre))
-
-    def _rod(self, body: Body, point: complex, centre: complex) -> None:
-        """A uniform rod of the body's inertia through its point; else a bob on a link."""
-        sketch, arm = self.sketch, centre - point
-        half = math.sqrt(3 * body.inertia / body.mass)
-        if half >= abs(arm) * (1 - _UNIFORM):
-            half = abs(arm) if half < abs(arm) * (1 + _UNIFORM) else half
-            along = arm / abs(arm) * half
-            ends = tuple(sketch.point(body.name, centre + sign * along) for sign in (-1, 1))
-            self.beams.append((ends, body.mass, False))
-            self.centre(sketch.point(body.name, centre))
-            return
+def _add_rod(sketch: Sketch, body: Body, point: complex, centre: complex) -> bool:
+    """A uniform rod of the body's inertia through its point (True); else a bob on a link."""
+    arm, half = centre - point, math.sqrt(3 * body.inertia / body.mass)
+    if half < abs(arm) * (1 - _UNIFORM):
         ends = tuple(sketch.point(body.name, at) for at in (point, centre))
         sketch.add("line", "rope", ends, 0.006 * sketch.size)
-        self.masses.append((ends[1], body.mass))
+        sketch.masses.append((ends[1], body.mass))
+        return False
+    half = abs(arm) if half < abs(arm) * (1 + _UNIFORM) else half
+    along = arm / abs(arm) * half
+    ends = tuple(sketch.point(body.name, centre + sign * along) for sign in (-1, 1))
+    sketch.beams.append((ends, body.mass, False))
+    return True
 
-    def _loaded_rod(self, body: Body, points: list[complex], centre: complex) -> None:
-        """A uniform rod with point masses at its ends, if the body is one; else a beam."""
-        far = max(points, key=lambda point: abs(point - points[0]))
-        ends = max(points, key=lambda point: abs(point - far)), far
-        indices = tuple(self.sketch.point(body.name, end) for end in ends)
-        rod, *at_ends = loaded_rod(body, *ends) or (1.0, 0.0, 0.0)
-        self.beams.append((indices, rod * body.mass, False))
-        if rod > 1 - _LEAST_SHARE:
-            self.centre(self.sketch.point(body.name, centre))
-        for index, share in zip(indices, at_ends, strict=True):
-            if share > _LEAST_SHARE:
-                self.masses.append((index, share * body.mass))
 
-    @property
-    def crowd(self) -> float:
-        """Less than 1 where many bodies must find room."""
-        return min(1.0, 9.0 / len(self.sketch.mechanism.bodies))
+def _add_loaded_rod(sketch: Sketch, body: Body, points: list[complex]) -> bool:
+    """A uniform rod with point masses at its ends, if the body is one; else a beam.
 
-    def centre(self, index: int) -> None:
-        """The sign of a centre of mass."""
-        self.sketch.add("disc", "centre", (index,), 0.005 * self.sketch.size * self.crowd)
+    Returns whether all the mass is the rod's.
+    """
+    far = max(points, key=lambda point: abs(point - points[0]))
+    ends = max(points, key=lambda point: abs(point - far)), far
+    indices = tuple(sketch.point(body.name, end) for end in ends)
+    rod, *at_ends = loaded_rod(body, *ends) or (1.0, 0.0, 0.0)
+    sketch.beams.append((indices, rod * body.mass, False))
+    for index, share in zip(indices, at_ends, strict=True):
+        if share > _LEAST_SHARE:
+            sketch.masses.append((index, share * body.mass))
+    return rod > 1 - _LEAST_SHARE
 
 
 # --- Symbols of elements
@@ -421,11 +399,9 @@ def _add_slider(sketch: Sketch, joint: PrismaticJoint) -> None:
     sketch.point(joint.child, at)
     _add_rails(sketch, joint.parent, a, b, 1.6 * unit)
     along = axis * cmath.exp(1j * joint.angle) * unit  # in the frame of the child
-    corners = [
-        sketch.point(joint.child, at + along * complex(2.6 * x, 1.3 * y))
-        for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    ]
-    sketch.add("area", "joint", corners, 0.3 * unit)
+    corners = (-2.6 - 1.3j, 2.6 - 1.3j, 2.6 + 1.3j, -2.6 + 1.3j)
+    points = [sketch.point(joint.child, at + along * corner) for corner in corners]
+    sketch.add("area", "joint", points, 0.3 * unit)
 
 
 def _add_slot(sketch: Sketch, joint: SlotJoint) -> None:
@@ -475,11 +451,8 @@ def _add_rest(sketch: Sketch, stop: Stop) -> tuple[int, int]:
         reach, direction = min(reach, 0.6 * length), arm / length
     contact = direction * cmath.exp(-1j * stop.sense * stop.limit)
     away = 1j * stop.sense * contact * unit
-    corners = (
-        contact * reach * 0.35 + away,
-        contact * reach + away,
-        contact * reach * 0.95 + 2.6 * away,
-    )
+    along = contact * reach
+    corners = along * 0.35 + away, along + away, along * 0.95 + 2.6 * away
     points = [sketch.point(stop.body, pivot, stop.relative_to, corner) for corner in corners]
     sketch.add("area", "stop", points, 0.3 * unit, stop=stop.name)
     at = sketch.point(stop.body, pivot)
@@ -578,18 +551,16 @@ FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
 
 _MARGIN = 0.03  # around the motion, in parts of its size
 _BESIDE = 0.1  # of the size, by which stops widen the view at most
-_ENDS = {"disc": 1, "spiral": 1, "wheel": 1, "turn": 1}
-"""Number of a shape's points that are drawn; the others give directions. Not listed: all."""
+# Shapes around their first point, as far as their size; others of their points give directions
+_ROUND = ("disc", "spiral", "wheel", "turn")
 _MOST_HATCHES = 400
 
 
 def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     """Draw a mechanism.
 
-    Args:
-        mechanism: any.
-        q: its motion, shape (n, n_q), from which the view and the lengths of guides and walls
-            follow; the start where left out.
+    The view, and lengths of guides and walls, follow from its motion `q`, shape (n, n_q); from the
+    start where left out.
     """
     q = np.array([mechanism.start], dtype=np.float64) if q is None else q
     sketch = Sketch(mechanism, q)
@@ -606,23 +577,25 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     centres = tuple(sketch.point(body.name, complex(*body.centre)) for body in mechanism.bodies)
     compared = tuple(dict.fromkeys(markers.values())) or centres
     shapes = tuple(sorted(sketch.shapes, key=lambda shape: ROLES.index(shape.role)))
-    points, box = tuple(sketch.points), _box(sketch, shapes)
-    return Drawing(mechanism, points, shapes, markers, compared, joints, stops, box, sketch.size)
+    kinematics, points, rows = sketch.kinematics, tuple(sketch.points), sketch.rows(sketch.points)
+    box, size = _box(sketch, shapes, _positions(kinematics, rows, q)), sketch.size
+    named = markers, compared, joints, stops
+    return Drawing(kinematics, points, rows, shapes, *named, box, size)
 
 
-def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
+def _box(sketch: Sketch, shapes: tuple[Shape, ...], xy: FloatArray) -> Box:
     """Box around all that is drawn during the motion, but for stops far beside the rest."""
-    xy = sketch.positions(sketch.points)
     least, most = xy.min(axis=0), xy.max(axis=0)
 
     def around(shapes: list[Shape]) -> tuple[FloatArray, FloatArray]:
         indices: list[int] = []
         reach: list[list[float]] = []  # how far a shape extends from its points [m]
         for shape in shapes:
-            extent = shape.size
-            if shape.kind not in ("disc", "spiral", "wheel", "turn", "hatch"):
+            drawn, extent = shape.points, shape.size
+            if shape.kind in _ROUND:
+                drawn = shape.points[:1]
+            elif shape.kind != "hatch":
                 extent = max((abs(aside) for _, aside in shape.path), default=shape.size / 2)
-            drawn = shape.points[: _ENDS.get(shape.kind)]
             indices += drawn
             reach += [[extent]] * len(drawn)
         low, high = least[indices] - np.array(reach), most[indices] + np.array(reach)
@@ -640,12 +613,7 @@ def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
 
 
 def polylines(shape: Shape, z: ComplexArray) -> list[ComplexArray]:
-    """Lines of a shape [m], x + i y; none of a disc and the rim of a wheel, which are circles.
-
-    Args:
-        shape: but for arrows and turns.
-        z: positions of the shape's points.
-    """
+    """Lines of a shape [m], x + i y, from its points; none of circles, arrows and turns."""
     size, lines = shape.size, list[ComplexArray]()
     match shape.kind:
         case "area":

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ..drawing.animation import Animation
 
 _HEIGHT = 640  # of a report's frame [px]
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 
 
 @cache
@@ -67,10 +68,22 @@ def document(result: object) -> Document:
 
 
 def animation(reference: Trajectory, others: Sequence[Trajectory]) -> Animation:
-    """Make an animation of a trajectory, with others of the same mechanism over it."""
-    from ..drawing.animation import animation_of
+    """Make an animation of a trajectory, with others of the same mechanism over it.
 
-    return animation_of(reference, others)
+    Raises:
+        InputError: another one is of another mechanism.
+    """
+    from ..drawing.animation import Animation
+    from ..drawing.scene import RunLook, scene
+
+    looks: dict[str, RunLook] = {}
+    for k, other in enumerate(others):
+        run = other.provenance
+        label = f"{run.engine} {run.preset}"
+        label = f"{label} ({k + 1})" if label in looks else label
+        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], run.preset != "tuned")
+    shown = scene(reference, looks)
+    return Animation((shown,), f"{shown.mechanism_title}: the motion")
 
 
 def frame(result: Reported) -> str:

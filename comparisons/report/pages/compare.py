@@ -26,9 +26,10 @@ from ...runs.metrics import LEAST_START
 from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
 from ...runs.study import REFERENCE as REFERENCE_ENGINE
 from .. import document as doc
+from .. import plots
 from ..document import format_number, format_settings, format_step, sentence
 from ..drawing.scene import Scene
-from ..plots import REFERENCE, Axis, Panels, Plot, Rule, Series, Style, motion_scene, run_style
+from ..plots import Axis, Panels, Plot, Rule, Series
 from . import tables
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
@@ -47,6 +48,9 @@ _EQUIVALENCE = (
     "of its kind; a dash stands for what the engine does not expose, “not checked” an engine that "
     "exposes nothing. A run whose model differs is not compared."
 )
+_EQUIVALENCE_TITLE = (
+    "Model equivalence: each built model against the reference's equations, before any motion"
+)
 _MOST = 3  # sentences on broken tolerances of one run; the table of all metrics has the rest
 
 
@@ -58,19 +62,25 @@ def document(comparison: Comparison) -> doc.Document:
     first_verdict, last_verdict = tables.verdict_blocks(line, doc.mark_of(results.passed))
     blocks: list[doc.Block] = [first_verdict, _tiles(results)]
     if machines:
-        blocks.append(motion(comparison))
-    blocks.append(overview(results))
+        blocks.append(doc.AnimationBlock(partial(_scenes, comparison)))
+    blocks.append(_overview(results))
     if any(run.wall_time for run in results.ran):
-        blocks.append(work_precision(machines, results.runs))
+        blocks.append(_work_precision(results))
     for machine in machines:
         runs = _runs(results, machine)
+        launch = "no launch"
+        if machine.launch_time is not None and machine.launch_speed is not None:
+            launch = f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
+        caption = f"{machine.model}: largest differences to the reference ({launch})"
+        heads = (_ENGINE, _STEP, *(quantity.column for quantity in OVERVIEW), _WALL, _VERDICT)
+        errors = doc.without_empty_columns(doc.table(heads, runs, caption, "terminal"))
         blocks += [
             tables.chapter(machine.model),
             doc.Text(" ".join(_reference_sentences(machine)), medium="page"),
             doc.Text(tables.predictable(machine)),
-            agreement(machine, runs),
+            errors,
             *tables.partings(machine, runs),
-            figures(comparison, machine),
+            _plots_over_time(comparison, machine),
         ]
     if any(run.outcome is not Outcome.AGREES for run in results.runs):
         blocks.append(doc.Heading("What differs, and why", 2, "why"))
@@ -79,10 +89,9 @@ def document(comparison: Comparison) -> doc.Document:
     for machine in machines:
         blocks += _evidence(results, machine)
     stated = {run.label: run.supplied for run in results.runs if run.supplied is not None}
-    assistance = [
-        doc.Text(supplied_sentence(parts), lead=f"{label}:")
-        for label, parts in sorted(stated.items())
-    ]
+    assistance: list[doc.Text] = []
+    for label, parts in sorted(stated.items()):
+        assistance.append(doc.Text(supplied_sentence(parts), lead=f"{label}:"))
     settings = ((run.model, run.label, run.engine_version, run.settings) for run in results.runs)
     blocks += [
         doc.Heading("How the comparison is made", 2),
@@ -212,10 +221,10 @@ class Line:
         """Engine and preset."""
         return f"{self.trajectory.provenance.engine} {self.trajectory.provenance.preset}"
 
-    @property
-    def style(self) -> Style:
-        """Colour by engine, dashes by preset."""
-        return run_style(self.trajectory.provenance.engine, self.trajectory.provenance.preset)
+    def series(self, t: FloatArray, values: FloatArray) -> Series:
+        """Values as a line: its colour by engine, its dashes by preset."""
+        run = self.trajectory.provenance
+        return Series(self.label, t, values, plots.run_style(run.engine, run.preset))
 
     def values(self, quantity: Sampled) -> Series | None:
         """The quantity, thinned; None if the reference's line would cover it."""
@@ -224,23 +233,24 @@ class Line:
         if np.abs(values - known).max() <= _SEEN * np.ptp(known):
             return None
         chosen = np.unique(np.linspace(0, len(t) - 1, _POINTS).astype(int))
-        return Series(self.label, t[chosen], values[chosen], self.style)
+        return self.series(t[chosen], values[chosen])
 
     def difference(self, quantity: Sampled) -> Series:
         """Absolute differences to the reference, distances for points, as `thinned`."""
         known = quantity(self.reference)
         difference = quantity(self.trajectory)[: len(known)] - known
         size = np.abs(difference) if difference.ndim == 1 else np.linalg.norm(difference, axis=1)
-        return Series(self.label, *thinned(self.reference.t, size), self.style)
+        return self.series(*thinned(self.reference.t, size))
 
 
-def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float) -> list[Line]:
-    """Runs of one machine up to `end` [s], but for the tuned reference."""
-    return [
-        Line(trajectory, solution.trajectory(trajectory.t[trajectory.t <= end]))
-        for trajectory in trajectories.values()
-        if (trajectory.provenance.engine, trajectory.provenance.preset) != ("reference", "tuned")
-    ]
+def lines(comparison: Comparison, machine: Machine) -> list[Line]:
+    """Runs of one machine up to the end of what is compared, but for the tuned reference."""
+    solution, end = comparison.solutions[machine.model], machine.compared_to
+    drawn: list[Line] = []
+    for label, run in _trajectories(comparison, machine).items():
+        if label != plots.REFERENCE_RUN:
+            drawn.append(Line(run, solution.trajectory(run.t[run.t <= end])))
+    return drawn
 
 
 def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -260,49 +270,38 @@ def _trajectories(comparison: Comparison, machine: Machine) -> dict[str, Traject
     }
 
 
-def motion(comparison: Comparison) -> doc.AnimationBlock:
+def _scenes(comparison: Comparison) -> tuple[Scene, ...]:
     """Every machine in motion, all its runs over the reference."""
-
-    def scenes() -> tuple[Scene, ...]:
-        return tuple(
-            motion_scene(
-                comparison.solutions[machine.model].trajectory,
-                _trajectories(comparison, machine),
-                end=machine.compared_to,
-                thrown=machine.thrown,
-                launch=machine.launch_time,
-                name=machine.model,
-            )
-            for machine in comparison.results.machines
-        )
-
-    return doc.AnimationBlock(scenes)
+    scenes: list[Scene] = []
+    for machine in comparison.results.machines:
+        states = comparison.solutions[machine.model].trajectory
+        scenes.append(plots.motion_scene(
+            states, _trajectories(comparison, machine), end=machine.compared_to,
+            thrown=machine.thrown, launch=machine.launch_time, name=machine.model,
+        ))  # fmt: skip
+    return tuple(scenes)
 
 
-def figures(comparison: Comparison, machine: Machine) -> doc.Grid:
+_Draw = Callable[[Solution, Sequence[Line]], Panels]
+
+
+def _plots_over_time(comparison: Comparison, machine: Machine) -> doc.Grid:
     """Plots of one machine over time, drawn when a page needs them; they zoom together."""
     model = machine.model
 
     @cache
     def drawn() -> tuple[Solution, list[Line]]:
-        solution = comparison.solutions[model]
-        return solution, lines(solution, _trajectories(comparison, machine), machine.compared_to)
+        return comparison.solutions[model], lines(comparison, machine)
 
     def panels(draw: _Draw) -> Panels:
         return draw(*drawn())
 
     blocks: list[doc.Figure] = []
     for name, caption, count, draw in _figures(machine):
-        plot, place, columns = (
-            partial(panels, draw),
-            tables.anchor(model, name),
-            min(count, _COLUMNS),
-        )
+        plot, place = partial(panels, draw), tables.anchor(model, name)
+        columns = min(count, _COLUMNS)
         blocks.append(doc.Figure(plot, name.capitalize(), caption, place, model, columns))
     return doc.Grid(tuple(blocks))
-
-
-_Draw = Callable[[Solution, Sequence[Line]], Panels]
 
 
 def _figures(machine: Machine) -> Iterator[tuple[str, str, int, _Draw]]:
@@ -376,7 +375,7 @@ def _over_time(
     if end is not None:
         reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
         for name, quantity in quantities.items():
-            series = [Series("reference", reference.t, quantity(reference), REFERENCE)]
+            series = [Series("reference", reference.t, quantity(reference), plots.REFERENCE)]
             for run in runs:
                 with suppress(ValueError):
                     seen = run.values(quantity)
@@ -407,22 +406,22 @@ def _energy_drift(solution: Solution, runs: Sequence[Line], rules: tuple[Rule, .
     for run in runs:
         t, (energy, _) = run.reference.t, sampled_balance(run.trajectory)
         drift = np.abs(energy[: len(t)] - start) / (size or 1.0)
-        series.append(Series(run.label, *thinned(t, drift), run.style))
+        series.append(run.series(*thinned(t, drift)))
     axis = Axis(f"|E - E(0)| / {name}", "1", logarithmic=True)
     if not size:
         axis = Axis("|E - E(0)|", "J", logarithmic=True)
     return (Plot(_TIME, axis, tuple(series), height=250, rules=rules),)
 
 
-def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> doc.Figure:
+def _work_precision(results: Results) -> doc.Figure:
     """Error of every run against its wall time: a panel a machine."""
     time = Axis("wall time", "s", logarithmic=True)
     distance = Axis("largest distance of a marker", "m", logarithmic=True)
-    series: dict[str, list[Series]] = {machine.model: [] for machine in machines}
-    for run in runs:
+    series: dict[str, list[Series]] = {machine.model: [] for machine in results.machines}
+    for run in results.runs:
         error = _POSITION.value(run)
         if run.model in series and run.wall_time and error is not None:
-            style, hints = run_style(run.engine, run.preset), (f"{run.steps} steps",)
+            style, hints = plots.run_style(run.engine, run.preset), (f"{run.steps} steps",)
             x, y = np.array([run.wall_time]), np.array([error])
             series[run.model].append(Series(run.label, x, y, style, "points", hints))
     panels = tuple(Plot(time, distance, tuple(points), model) for model, points in series.items())
@@ -436,7 +435,7 @@ def work_precision(machines: Sequence[Machine], runs: Sequence[Run]) -> doc.Figu
 # --- Agreement
 
 _HINTS = 6
-_AGREEMENT = (
+_OVERVIEW = (
     "Largest errors of every run. ✓ holds its tolerance, ✗ breaks it, ○ compared but not judged, – "
     "not observed; the darker a cell, the further within (blue) or beyond (orange) its tolerance. "
     "Each number leads to its plot."
@@ -461,9 +460,8 @@ class ErrorColumn:
     def column(self) -> doc.Column:
         """Its column in a table of runs."""
         medium: doc.Medium = "any" if self.short else "page"
-        return doc.Column(
-            self.title, self.unit, short=self.short, of=self.cell, rank=self.rank, medium=medium
-        )
+        column = doc.Column(self.title, self.unit, short=self.short, rank=self.rank, medium=medium)
+        return replace(column, of=self.cell)
 
     def metrics(self, run: Run) -> list[Metric]:
         """Those it stands for."""
@@ -527,68 +525,52 @@ OVERVIEW = (_POSITION, *_QUANTITIES)
 """One value of each quantity, whatever markers the mechanism has."""
 
 
+def verdict_cell(run: Run) -> doc.Cell:
+    """The outcome, with how many of the judged quantities hold."""
+    text = run.outcome.value
+    if run.outcome in COMPARED:
+        text += f" {len(run.judged) - len(run.broken)}/{len(run.judged)}"
+    return doc.Cell(text, tables.MARKS[run.outcome])
+
+
 def _wall_time(run: Run) -> str:
     return "–" if run.wall_time is None else f"{run.wall_time:.2f}"
 
 
-def _step(run: Run) -> str:
-    return format_step(run.settings.get("timestep"))
-
-
 _ENGINE = doc.Column("engine", of=attrgetter("label"))
+_STEP = doc.Column("step", "s", of=lambda run: format_step(run.settings.get("timestep")), rank=5)
 _WALL = doc.Column("wall", "s", of=_wall_time, rank=6)
+_VERDICT = doc.Column("verdict", of=verdict_cell, align="left", wrap=False, rank=0)
 
 
 def quantities(machine: Machine) -> tuple[ErrorColumn, ...]:
-    """Quantities of the agreement table: each marker's position, then what all mechanisms have."""
+    """Quantities of a machine's table: each marker's position, then what all mechanisms have."""
     markers = machine.mechanism.markers
     positions = (ErrorColumn(marker.name, "m", "position_max", marker.name) for marker in markers)
     return (*positions, *_QUANTITIES)
 
 
 def differences(machine: Machine) -> tuple[doc.Column, ...]:
-    """Columns of a table of its runs: engine, step, and the quantities."""
-    return (
-        _ENGINE,
-        doc.Column("step", "s", of=_step, rank=5),
-        replace(_POSITION.column, medium="terminal"),
-        *(quantity.column for quantity in quantities(machine)),
-    )
+    """Columns of a page's table of its runs: engine, step, and the quantities."""
+    return (_ENGINE, _STEP, *(quantity.column for quantity in quantities(machine)))
 
 
-def agreement(machine: Machine, runs: Iterable[Run]) -> doc.Table:
-    """Table of one machine's runs, for a terminal."""
-    last = doc.Column("verdict", of=verdict_cell, wrap=False, rank=0)
-    launch = "no launch"
-    if machine.launch_time is not None and machine.launch_speed is not None:
-        launch = f"launch {machine.launch_time:.4f} s, {machine.launch_speed:.3f} m/s"
-    caption = f"{machine.model}: largest differences to the reference ({launch})"
-    shown = doc.table((*differences(machine), _WALL, last), runs, caption)
-    return doc.terminal_only(doc.without_empty_columns(shown))
-
-
-def overview(results: Results) -> doc.Table:
+def _overview(results: Results) -> doc.Table:
     """Every run of every machine against every quantity; numbers lead to the plots with them."""
     shown = [each for each in OVERVIEW if any(each.metrics(run) for run in results.runs)]
     named = {quantity.judged or quantity.metric for quantity in shown}
-    heads = (
-        _ENGINE,
-        doc.Column("verdict", align="left", wrap=False, of=verdict_cell),
-        *(doc.Column(quantity.title, quantity.unit) for quantity in shown),
-        doc.Column("further", align="left"),
-        doc.Column("step", "s"),
-        _WALL,
-    )
+    columns = (quantity.column for quantity in shown)
+    heads = (_ENGINE, _VERDICT, *columns, doc.Column("further", align="left"), _STEP, _WALL)
     rows: list[doc.Row] = []
     for machine in results.machines:
         if len(results.machines) > 1:
             rows.append(doc.row(f"{machine.model} machine"))
-        plots = {name for name, *_ in _figures(machine)}
+        drawn = {name for name, *_ in _figures(machine)}
         for run in _runs(results, machine):
             cells: list[doc.Cell] = []
             for quantity in shown:
                 cell = quantity.cell(run)
-                if cell.text and quantity.plot in plots:
+                if cell.text and quantity.plot in drawn:
                     cell = replace(cell, link=tables.anchor(run.model, quantity.plot))
                 elif run.metrics and not cell.text:
                     cell = doc.Cell("–", hint="not observed, or not part of this motion")
@@ -600,13 +582,12 @@ def overview(results: Results) -> doc.Table:
                 text = f"{len(rest) - len(broken)}/{len(rest)}"
                 mark, hint = doc.mark_of(not broken), ", ".join(broken)
                 further = doc.Cell(text, mark, hint=hint, link=_metrics_anchor(run))
-            agrees = run.outcome is Outcome.AGREES
-            outcome = replace(
-                verdict_cell(run), link=_metrics_anchor(run) if agrees else _why_anchor(run)
-            )
-            end, place = (_step(run), _wall_time(run)), tables.anchor(run.model, run.label)
-            rows.append(doc.row(run.label, outcome, *cells, further, *end, anchor=place))
-    return doc.page_only(doc.without_empty_columns(doc.table(heads, rows, _AGREEMENT)))
+            evidence = _metrics_anchor if run.outcome is Outcome.AGREES else _why_anchor
+            outcome = replace(verdict_cell(run), link=evidence(run))
+            cells = [outcome, *cells, further]
+            end, place = (_STEP.of(run), _WALL.of(run)), tables.anchor(run.model, run.label)
+            rows.append(doc.row(run.label, *cells, *end, anchor=place))
+    return doc.without_empty_columns(doc.table(heads, rows, _OVERVIEW, "page"))
 
 
 def _metrics_anchor(run: Run) -> str:
@@ -615,14 +596,6 @@ def _metrics_anchor(run: Run) -> str:
 
 def _why_anchor(run: Run) -> str:
     return tables.anchor("why", f"{run.model}-{run.label}")
-
-
-def verdict_cell(run: Run) -> doc.Cell:
-    """The outcome, with how many of the judged quantities hold."""
-    text = run.outcome.value
-    if run.outcome in COMPARED:
-        text += f" {len(run.judged) - len(run.broken)}/{len(run.judged)}"
-    return doc.Cell(text, tables.MARKS[run.outcome])
 
 
 # --- The reference, and the evidence
@@ -677,17 +650,24 @@ def _evidence(results: Results, machine: Machine) -> Iterator[doc.Block]:
         yield from _pairs(pairs)
     checked = [run for run in runs if run.equality]
     caption = "Largest relative differences of the built models to the reference's equations"
-    title = (
-        "Model equivalence: each built model against the reference's equations, before any motion"
-    )
     heads = ["engine", *_CHECKS, "states", "verdict"]
     checks = doc.table(heads, map(_equivalence_row, checked), caption, "page")
-    yield doc.Fold(title, (checks,), anchor=tables.anchor(model, "equivalence"))
+    yield doc.Fold(_EQUIVALENCE_TITLE, (checks,), anchor=tables.anchor(model, "equivalence"))
     for run in runs:
-        if run.metrics:
-            held = f"{len(run.judged) - len(run.broken)} of {len(run.judged)} hold"
-            title = f"{model}, {run.label}: every quantity, tolerance and reason ({held})"
-            yield doc.Fold(title, (_metrics(run),), anchor=_metrics_anchor(run))
+        if not run.metrics:
+            continue
+        held = f"{len(run.judged) - len(run.broken)} of {len(run.judged)} hold"
+        title = f"{model}, {run.label}: every quantity, tolerance and reason ({held})"
+        rows: list[tuple[object, ...]] = []
+        for m in run.metrics:
+            text = (m.note or "–") if m.value is None else f"{m.value:.6e}"
+            source = m.source or ("" if m.observed else "not observed")
+            reason = m.reason or (f"follows from {m.follows}" if m.follows else m.note or "")
+            value, tolerance = doc.Cell(text, doc.mark_of(m.holds)), format_number(m.tolerance)
+            rows.append((m.label, value, m.unit, tolerance, source, reason))
+        heads = "metric | value | unit | tolerance | stated by | reason"
+        shown = doc.table(heads, rows, run.label)
+        yield doc.Fold(title, (shown,), anchor=_metrics_anchor(run))
 
 
 def _uncertainty(machine: Machine) -> doc.Block:
@@ -708,7 +688,7 @@ def _uncertainty(machine: Machine) -> doc.Block:
         "DOP853 over a ladder of tolerances and Taylor series in double and extended precision. A "
         "tolerance finer than ten times the reference's uncertainty is refused."
     )
-    values = doc.page_only(tables.certified_figures(shown, "Certified values"))
+    values = tables.certified_figures(shown, "Certified values")
     return doc.Fold("How far the reference is known: its certificate", (values, doc.Note(text)))
 
 
@@ -729,49 +709,36 @@ def _equivalence_row(run: Run) -> tuple[object, ...]:
     return run.label, *cells, equality.states, outcome
 
 
-_PAIR_COLUMNS = (
-    doc.Column("first", of=attrgetter("first")),
-    doc.Column("second", of=attrgetter("second"), rank=0),
-    doc.Column("position", "m", of=lambda pair: format_number(pair.position_max)),
-    doc.Column("release", "s", of=lambda pair: format_number(pair.release_time_max)),
-    doc.Column("speed", "m/s", of=lambda pair: format_number(largest([pair.launch_speed]))),
-)
-
-
 def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
     """Engine against engine: all pairs on a page, those of tuned presets in a terminal."""
-    tuned = [pair for pair in pairs if tables.both_tuned(pair.first, pair.second)]
-    every = doc.table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
+    rows: list[doc.Row] = []
+    tuned: list[doc.Row] = []
+    distances: dict[tuple[str, str], str] = {}
+    for pair in pairs:
+        position, release = format_number(pair.position_max), format_number(pair.release_time_max)
+        speed = format_number(largest([pair.launch_speed]))
+        rows.append(doc.row(pair.first, pair.second, position, release, speed))
+        if tables.both_tuned(pair.first, pair.second):
+            tuned.append(rows[-1])
+        distances[pair.first, pair.second] = position
+    heads = doc.columns("first | second | position [m] | release [s] | speed [m/s]")
+    every = doc.table(heads, rows, "Engine against engine, all pairs")
     caption = "engine against engine (tuned; the report has all)"
-    short = doc.table(_PAIR_COLUMNS, tuned, caption, "terminal")
-    distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
+    short = doc.table(doc.ranked(heads, second=0), tuned, caption, "terminal")
     labels = [*dict.fromkeys([*(pair.first for pair in pairs), *(pair.second for pair in pairs)])]
-    rows = [
-        (first, *(distances.get((first, second), "") for second in labels[1:]))
-        for first in labels[:-1]
-    ]
+    above: list[tuple[str, ...]] = []
+    for first in labels[:-1]:
+        above.append((first, *(distances.get((first, second), "") for second in labels[1:])))
     caption = "Largest distance between the two positions of a marker [m]"
-    above_diagonal = doc.table(["engine", *labels[1:]], rows, caption, "page")
+    above_diagonal = doc.table(["engine", *labels[1:]], above, caption, "page")
     blocks = above_diagonal, doc.without_empty_columns(every)
     return doc.Fold("Engine against engine", blocks), doc.without_empty_columns(short)
-
-
-def _metrics(run: Run) -> doc.Table:
-    """Every metric of a run, its tolerance and the reason of that."""
-    rows: list[tuple[object, ...]] = []
-    for m in run.metrics:
-        text = (m.note or "–") if m.value is None else f"{m.value:.6e}"
-        source = m.source or ("" if m.observed else "not observed")
-        reason = m.reason or (f"follows from {m.follows}" if m.follows else m.note or "")
-        value, tolerance = doc.Cell(text, doc.mark_of(m.holds)), format_number(m.tolerance)
-        rows.append((m.label, value, m.unit, tolerance, source, reason))
-    return doc.table("metric | value | unit | tolerance | stated by | reason", rows, run.label)
 
 
 # --- The summary, in some thirty lines of Markdown for a pull request
 
 _ROWS, _CAUSES = 16, 6  # runs and causes that are shown at once
-_COMPLAINTS = 10  # sentences on broken tolerances of a run behind a fold
+_LISTED = 10  # sentences on broken tolerances of a run behind a fold
 _SIGNS = (
     "Largest differences to the reference. ✓ holds its tolerance, ✗ breaks it, ○ is not judged."
 )
@@ -779,6 +746,13 @@ _SIGNS = (
 
 def summary(results: Results) -> doc.Document:
     """Verdict, errors of the runs, what broke and why, versions; the rest behind folds."""
+
+    def errors(runs: Sequence[Run]) -> doc.Table:
+        present = (each.column for each in OVERVIEW if any(map(each.metrics, runs)))
+        model, verdict = doc.Column("machine", of=attrgetter("model")), replace(_VERDICT, wrap=None)
+        heads = (model, _ENGINE, *present, verdict)
+        return doc.without_empty_columns(doc.table(heads, runs))
+
     # Last of all is the reference against itself; where there are too many runs, those that agree.
     ordered = [*results.runs]
     if len(ordered) > _ROWS:
@@ -801,15 +775,13 @@ def summary(results: Results) -> doc.Document:
         if parts:
             text = " ".join(map(sentence, parts))
             broken.append(doc.Text(text, "bad" if run.broken else "warning", name))
-        all_complaints += [
-            doc.Text(line, lead=name) for line in tables.complaints(run, _COMPLAINTS)
-        ]
+        all_complaints += [doc.Text(line, lead=name) for line in tables.complaints(run, _LISTED)]
     engines = {run.engine: run.engine_version for run in results.runs}
     versions = ", ".join(f"{engine} {version}" for engine, version in engines.items())
     here = f"trebucheck {results.trebucheck_version}, Python {results.python_version}"
     blocks: list[doc.Block] = [
         doc.Text(verdict(results), doc.mark_of(results.passed)),
-        _errors(ordered[:count]),
+        errors(ordered[:count]),
         doc.Note(_SIGNS),
         doc.Listing(tuple(broken[:_CAUSES])),
         doc.Text(f"Versions: {versions}; {here}, {results.platform}."),
@@ -817,7 +789,7 @@ def summary(results: Results) -> doc.Document:
     if results.command is not None:
         blocks.append(doc.Code("Made by:", results.command))
     if rest or broken[_CAUSES:]:
-        shown = (_errors(rest), doc.Listing(tuple(broken[_CAUSES:])))
+        shown = (errors(rest), doc.Listing(tuple(broken[_CAUSES:])))
         blocks.append(doc.Fold(f"Further runs ({len(rest)})", shown))
     if all_complaints:
         listing = doc.Listing(tuple(all_complaints))
@@ -830,14 +802,3 @@ def summary(results: Results) -> doc.Document:
     )
     blocks.append(doc.Fold("Mechanisms and settings", details))
     return doc.Document("", tuple(blocks))
-
-
-def _errors(runs: Sequence[Run]) -> doc.Table:
-    """Quantities that one of the runs has, at least."""
-    heads = (
-        doc.Column("machine", of=attrgetter("model")),
-        _ENGINE,
-        *(quantity.column for quantity in OVERVIEW if any(map(quantity.metrics, runs))),
-        doc.Column("verdict", of=verdict_cell),
-    )
-    return doc.without_empty_columns(doc.table(heads, runs))

@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from ...converge import Curve, LimitPair, MachineStudies, PowerLaw, Studies, SweepStudy
+from ...converge import Curve, MachineStudies, PowerLaw, Studies, SweepStudy
 from .. import document as doc
 from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import both_tuned, capital, chapter, compared_time, provenance
+from .tables import Settings, both_tuned, capital, chapter, compared_time, provenance
 
 _WHOLE = Style("#8a8f96")
 _INTRODUCTION = (
@@ -50,11 +50,11 @@ def document(studies: Studies) -> doc.Document:
         blocks.append(doc.Fold(title, (doc.Listing(failures),), opened=len(failures) <= 5))
     for machine in studies.machines:
         blocks += _chapter(machine)
-    runs = [
-        (machine.model, f"{study.label}, {study.knob}", study.engine_version, study.settings)
-        for machine in studies.machines
-        for study in machine.studies
-    ]
+    runs: list[Settings] = []
+    for machine in studies.machines:
+        for study in machine.studies:
+            name = f"{study.label}, {study.knob}"
+            runs.append((machine.model, name, study.engine_version, study.settings))
     blocks += [
         doc.Heading("How it is measured", 2),
         doc.Note(_INTRODUCTION),
@@ -85,39 +85,39 @@ def _failures(studies: Studies) -> Iterator[str]:
 # --- Plots
 
 
-def convergence(studies: Sequence[SweepStudy]) -> Panels:
+def _convergence(studies: Sequence[SweepStudy]) -> Panels:
     """Error against the time step, position and torque, with the fitted lines and their slopes."""
     plots: list[Plot] = []
     for column, curve in enumerate(studies[0].curves):
         series: list[Series] = []
         labels: list[Label] = []
         for k, study in enumerate(studies, 1):
-            series += _points(study, column, study.label, part=study.own)
             # Lines may all but cover each other; their slopes, each at another place, do not.
-            line, slope = _law(study, column, k / (len(studies) + 1))
-            series += line
-            labels += slope
+            at = k / (len(studies) + 1)
+            drawn, slopes = _measured(study, column, study.label, at)
+            series += drawn
+            labels += slopes
         steps = Axis("time step", "s", logarithmic=True)
         plots.append(Plot(steps, _error(curve), tuple(series), labels=tuple(labels), height=430))
     return tuple(plots)
 
 
-def swept_parameter(study: SweepStudy) -> Panels:
+def _swept_parameter(study: SweepStudy) -> Panels:
     """Error against one parameter, and the part that the parameter makes where it is isolated."""
     plots: list[Plot] = []
     for column, curve in enumerate(study.curves):
         series: list[Series] = []
+        name = "error"
         if study.own:
-            series += _points(study, column, "whole error", _WHOLE)
-        name = "part of the parameter" if study.own else "error"
-        series += _points(study, column, name, part=study.own)
-        line, slope = _law(study, column, 0.5)
+            name = "part of the parameter"
+            series += _points(study, column, "whole error", _WHOLE, part=False)
+        drawn, slopes = _measured(study, column, name, 0.5)
         values = Axis(study.title, study.unit, logarithmic=True)
-        plots.append(Plot(values, _error(curve), (*series, *line), labels=tuple(slope)))
+        plots.append(Plot(values, _error(curve), (*series, *drawn), labels=tuple(slopes)))
     return tuple(plots)
 
 
-def work_precision(studies: Sequence[SweepStudy]) -> Panels:
+def _work_precision(studies: Sequence[SweepStudy]) -> Panels:
     """Error against the median wall time; bars from the quickest to the slowest repeat."""
     times = Axis("wall time, warm", "s", logarithmic=True)
     plots: list[Plot] = []
@@ -137,7 +137,7 @@ def work_precision(studies: Sequence[SweepStudy]) -> Panels:
     return tuple(plots)
 
 
-def exponent(law: PowerLaw | None) -> str:
+def _exponent(law: PowerLaw | None) -> str:
     """Exponent and half width of its confidence interval."""
     return "none" if law is None else f"{law.exponent:.3f} ± {law.half_width:.3f}"
 
@@ -149,27 +149,29 @@ def _error(curve: Curve) -> Axis:
 
 
 def _points(
-    study: SweepStudy, column: int, name: str, style: Style | None = None, *, part: bool = False
+    study: SweepStudy, column: int, name: str, style: Style, *, part: bool
 ) -> Iterator[Series]:
     """The errors, or the parameter's part of them."""
     quantity = study.curves[column].quantity
     errors = [(point.value, point.error(quantity, part)) for point in study.points]
     ran = np.array([(value, error) for value, error in errors if error is not None], dtype=float)
     if len(ran):
-        style = style or run_style(study.engine, study.preset)
         yield Series(name, ran[:, 0], ran[:, 1], style, "points")
 
 
-def _law(study: SweepStudy, column: int, at: float) -> tuple[list[Series], list[Label]]:
-    """The law as a line, and its exponent at that share of its range; nothing without a law."""
+def _measured(
+    study: SweepStudy, column: int, name: str, at: float
+) -> tuple[list[Series], list[Label]]:
+    """The errors, their law as a line, and its exponent at that share of the law's range."""
     law, style = study.curves[column].law, run_style(study.engine, study.preset)
-    if law is None:
-        return [], []
-    ends = np.array([law.high, law.low]), np.array([law.at(law.high), law.at(law.low)])
-    name = f"slope {law.exponent:.3f}"
-    x = law.low ** (1 - at) * law.high**at
-    line = Series(name, *ends, replace(style, width=1.2), listed=False)
-    return [line], [Label(x, law.at(x), exponent(law), style.colour)]
+    series, labels = [*_points(study, column, name, style, part=study.own)], list[Label]()
+    if law is not None:
+        ends = np.array([law.high, law.low]), np.array([law.at(law.high), law.at(law.low)])
+        thin = replace(style, width=1.2)
+        series.append(Series(f"slope {law.exponent:.3f}", *ends, thin, listed=False))
+        x = law.low ** (1 - at) * law.high**at
+        labels.append(Label(x, law.at(x), _exponent(law), style.colour))
+    return series, labels
 
 
 # --- Chapters
@@ -190,13 +192,13 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
     if steps:
         yield doc.Heading("Order in the time step")
         yield _orders(machine, steps)
-        drawn, title = partial(convergence, steps), "Error against the time step"
+        drawn, title = partial(_convergence, steps), "Error against the time step"
         yield doc.Figure(drawn, title, anchor=f"{model}-order")
         yield doc.Fold("How each floor's cause was found", (_floors(steps),))
     if machine.pairs:
         yield from _limits(machine)
     if steps:
-        drawn, anchor = partial(work_precision, steps), f"{model}-work-precision"
+        drawn, anchor = partial(_work_precision, steps), f"{model}-work-precision"
         yield doc.Figure(drawn, "Error against wall time", _WORK, anchor)
     if others:
         yield doc.Heading("Other swept parameters")
@@ -212,7 +214,7 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
                 left = f"{format_number(curve.floor.error)} {curve.unit} is left"
                 cause = f"{curve.floor.cause} ({curve.floor.evidence})"
                 sentences.append(f"{curve.quantity.capitalize()}: {left}; cause: {cause}.")
-        drawn, title = partial(swept_parameter, study), f"{study.label}: {study.title}"
+        drawn, title = partial(_swept_parameter, study), f"{study.label}: {study.title}"
         yield doc.Figure(drawn, title, " ".join(sentences))
     yield doc.Fold("Every point", tuple(map(_point_table, machine.studies)))
 
@@ -266,7 +268,7 @@ def _curve_row(study: SweepStudy, curve: Curve, names: Sequence[str], *end: str)
     if curve.floor is not None:
         cause = doc.Cell(curve.floor.cause, hint=curve.floor.evidence)
         left = f"{format_number(curve.floor.error)} {curve.unit}", cause
-    law = (curve.quantity, expected, exponent(curve.law), span, *left)
+    law = (curve.quantity, expected, _exponent(curve.law), span, *left)
     if position:
         return doc.row(*names, *law, *end)
     return doc.row(*[""] * len(names), *law, *end, medium="page")
@@ -278,32 +280,34 @@ def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
     rows: list[tuple[object, ...]] = []
     for study in studies:
         for curve in study.curves:
-            if curve.floor is not None:
-                found = curve.floor
-                floor, at = f"{format_number(found.error)} {curve.unit}", format_number(found.value)
-                rows.append((study.label, curve.quantity, floor, at, found.cause, found.evidence))
+            floor = curve.floor
+            if floor is not None:
+                error, at = f"{format_number(floor.error)} {curve.unit}", format_number(floor.value)
+                rows.append((study.label, curve.quantity, error, at, floor.cause, floor.evidence))
     return doc.table(heads, rows, "Floors and their causes")
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
-    tuned = [pair for pair in machine.pairs if both_tuned(pair.first, pair.second)]
-    rows = [
-        doc.row(limit.label, "reference", format_number(limit.position), medium="page")
-        for limit in machine.limits
-        if limit.preset == "tuned"
-    ]
-    rows += map(_pair_row, tuned)
+    tuned: list[doc.Row] = []
+    for limit in machine.limits:
+        if limit.preset == "tuned":
+            position = format_number(limit.position)
+            tuned.append(doc.row(limit.label, "reference", position, medium="page"))
+    every: list[doc.Row] = []
+    stock = False
+    for pair in machine.pairs:
+        every.append(doc.row(pair.first, pair.second, format_number(pair.position)))
+        if both_tuned(pair.first, pair.second):
+            tuned.append(every[-1])
+        else:
+            stock = True
     heads = doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0)
     yield doc.Heading("Limits against each other")
     yield doc.Note(_LIMITS)
-    yield doc.table(heads, rows, f"{machine.model}: Richardson limits against each other")
-    if len(machine.pairs) > len(tuned):
-        every = doc.table(heads, map(_pair_row, machine.pairs), "All pairs")
-        yield doc.Fold("All pairs, stock presets among them", (every,))
-
-
-def _pair_row(pair: LimitPair) -> doc.Row:
-    return doc.row(pair.first, pair.second, format_number(pair.position))
+    yield doc.table(heads, tuned, f"{machine.model}: Richardson limits against each other")
+    if stock:
+        shown = doc.table(heads, every, "All pairs")
+        yield doc.Fold("All pairs, stock presets among them", (shown,))
 
 
 def _point_table(study: SweepStudy) -> doc.Table:

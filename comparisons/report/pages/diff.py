@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from operator import attrgetter
 
 from ...diff import Difference, Fate, QuantityChange, RunChange
 from ...runs.results import Metric
@@ -90,26 +89,19 @@ def _conditions_of_all(difference: Difference) -> Iterator[doc.Block]:
         yield doc.Text("The versions of engines, trebucheck, Python and platform are the same.")
     if difference.references:
         yield doc.Heading("The reference moved", 2, medium="any")
-        yield doc.table(_REFERENCE_COLUMNS, difference.references)
+        moved: list[tuple[object, ...]] = []
+        for change in difference.references:
+            values = (change.old, change.new)
+            old, new = ("none" if value is None else f"{value:.15g}" for value in values)
+            uncertain = format_number(change.unknown)
+            figure = change.model, change.figure, old, doc.Cell(new, "bad")
+            moved.append((*figure, change.unit, uncertain))
+        yield doc.table("machine | figure | old | new | unit | uncertain by", moved)
         yield doc.Text(
             "Its figures moved by more than they are uncertain by. The mechanism is the same, so "
             "the law of its stops is another one, or one of the two references is wrong; errors "
             "that moved may only follow."
         )
-
-
-def _digits(value: float | None) -> str:
-    return "none" if value is None else f"{value:.15g}"
-
-
-_REFERENCE_COLUMNS = (
-    doc.Column("machine", of=attrgetter("model")),
-    doc.Column("figure", of=attrgetter("figure")),
-    doc.Column("old", of=lambda change: _digits(change.old)),
-    doc.Column("new", of=lambda change: doc.Cell(_digits(change.new), "bad")),
-    doc.Column("unit", of=attrgetter("unit")),
-    doc.Column("uncertain by", of=lambda change: format_number(change.unknown)),
-)
 
 
 # --- Runs
@@ -132,13 +124,11 @@ def _runs(difference: Difference) -> Iterator[doc.Block]:
         shown = doc.table(heads, rows, "Verdicts of whole runs, old and new")
         yield doc.Heading(f"Runs that changed ({len(changed)})", 2, medium="any")
         yield doc.without_empty_columns(shown)
-    counted: list[doc.Row] = []
-    for change in difference.runs:
-        counted += _counts(difference, change)
-    if counted:
+    counts = [row for change in difference.runs for row in _counts(difference, change)]
+    if counts:
         heads = doc.columns("run | broke | mended | grew | shrank | compared")
         yield doc.Heading("How much changed in each run", 2, medium="any")
-        yield doc.table((*heads, doc.words("largest growth")), counted, "Numbers of quantities")
+        yield doc.table((*heads, doc.words("largest growth")), counts, "Numbers of quantities")
 
 
 def _name(change: RunChange) -> str:
@@ -155,9 +145,13 @@ def _counts(difference: Difference, change: RunChange) -> Iterator[doc.Row]:
     if not (broke or mended or moved):
         return
     grew = [quantity for quantity in moved if quantity.factor is None or quantity.factor > 1]
-    counts = (len(broke), len(mended), len(grew), len(moved) - len(grew))
-    marks: tuple[doc.Mark, ...] = ("bad", "good", "plain", "plain")
-    cells = (doc.Cell(str(n), m if n else "plain") for n, m in zip(counts, marks, strict=True))
+    counts: tuple[tuple[int, doc.Mark], ...] = (
+        (len(broke), "bad"),
+        (len(mended), "good"),
+        (len(grew), "plain"),
+        (len(moved) - len(grew), "plain"),
+    )
+    cells = (doc.Cell(str(number), mark if number else "plain") for number, mark in counts)
     worse = [quantity for quantity in change.quantities if quantity in broke or quantity in grew]
     worst = max(worse, key=lambda quantity: quantity.factor or 0.0, default=None)
     growth = ""

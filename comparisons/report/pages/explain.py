@@ -22,8 +22,6 @@ from ..plots import Axis, Label, Panels, Plot, Series, Style
 from .tables import chapter, compared_time, provenance, verdict_blocks
 
 _FEW = 1e-3  # shares below this are left out in the terminal; the page's tables have them all
-_FIELDS = ("position", "torque", "release", "wall_time")
-"""Values of a setting, in the order of their columns."""
 _COLOUR = Style("#3d7ab5")
 _ROW, _FRAME = 26, 60  # [pixels] of height
 _INTRODUCTION = (
@@ -153,7 +151,7 @@ def _budget(budget: Budget) -> Iterator[doc.Block]:
             error = f"largest error {format_number(q.largest)} {q.unit}"
             largest.append(f"{q.name}{point}: {_explained(q.explained)} explained, {error}")
         yield doc.Note(f"{'; '.join(largest)}.")
-        yield doc.Figure(bars(quantities), columns=2)
+        yield doc.Figure(_bars(quantities), columns=2)
     else:
         yield doc.Note("No error to explain.")
     for cause in budget.causes:
@@ -166,11 +164,9 @@ def _budget(budget: Budget) -> Iterator[doc.Block]:
         if others:
             # Single values, all of which have the same causes.
             heads = [f"{q.name}: {format_number(q.rms)} {q.unit}" for q in others]
-            causes = [*(share.cause for share in others[0].shares), "unexplained"]
             rows: list[tuple[str, ...]] = []
-            for i, name in enumerate(causes):
-                shares = [(*q.shares, q.rest)[i].fraction for q in others]
-                rows.append((name, *map(format_percent, shares)))
+            for shares in zip(*((*q.shares, q.rest) for q in others), strict=True):
+                rows.append((shares[0].cause, *(format_percent(s.fraction) for s in shares)))
             tables.append(doc.table(["share of the error in", *heads], rows, "Other quantities"))
         yield doc.Fold("What was done to measure each cause, and the results", tuple(tables))
 
@@ -179,7 +175,7 @@ def _at(step: float | None) -> str:
     return f", step {step:g} s" if step else ""
 
 
-def bars(quantities: Sequence[QuantityBudget]) -> Panels:
+def _bars(quantities: Sequence[QuantityBudget]) -> Panels:
     """Signed share of each cause in the errors of position and torques; unexplained last.
 
     Shares add up to 100 %; whiskers are half the difference of a share's two measures.
@@ -201,16 +197,11 @@ def bars(quantities: Sequence[QuantityBudget]) -> Panels:
             text = f" {format_percent(share.fraction)} ({size}) "
             labels.append(Label(end, row, text, beside=True))
         spread = values - bands, values + bands
-        plots.append(
-            Plot(
-                Axis("share of the error", "%"),
-                Axis("", categories=tuple(share.cause for share in shares)),
-                (Series("share", values, rows, _COLOUR, "bar", spread=spread),),
-                f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}",
-                tuple(labels),
-                height=_FRAME + _ROW * len(shares),
-            )
-        )
+        bars = Series("share", values, rows, _COLOUR, "bar", spread=spread)
+        causes = Axis("", categories=tuple(share.cause for share in shares))
+        title = f"{quantity.name}: rms {format_number(quantity.rms)} {quantity.unit}"
+        axes, height = (Axis("share of the error", "%"), causes), _FRAME + _ROW * len(shares)
+        plots.append(Plot(*axes, (bars,), title, tuple(labels), height=height))
     return tuple(plots)
 
 
@@ -263,7 +254,7 @@ def _changes(comparison: StockAgainstTuned) -> doc.Table:
     # Without stops there are no torques and no releases.
     ran = [figures for figures in settings if figures.message is None]
     fields = [
-        name for name in _FIELDS if not ran or any(getattr(each, name) is not None for each in ran)
+        name for name in titles if not ran or any(getattr(each, name) is not None for each in ran)
     ]
     presets = (
         ("stock", stock, "tuned", [(each.option, each.tuned, each.alone) for each in changes]),

@@ -16,7 +16,7 @@ from .. import document as doc
 from ..document import format_number
 from .tables import MARKS, judged_mark
 
-READING = (
+_SHARES = (
     "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
     "decides when stops open and are met, finds impulses of impacts, or adds or reads forces that "
     "the engine has no element for or does not tell; “steps”: its dynamics and its integrator, but "
@@ -24,48 +24,6 @@ READING = (
     "energies and points, in trebucheck's steps. Agreement speaks for an engine's own parts alone."
 )
 _UNSTATED = "not stated"
-
-
-def own_on(matrix: Matrix, label: str, problems: Sequence[MatrixProblem]) -> str:
-    """The least that is an engine's in its runs on some problems; '' if it has none."""
-    runs = [matrix.run(label, problem.name) for problem in problems]
-    shares = [_own(matrix, run) for run in runs if run is not None and run.outcome in COMPARED]
-    return max(shares, key=_DEGREES.index, default="")
-
-
-_DEGREES = (*map(str, Own), _UNSTATED)
-
-
-def _own(matrix: Matrix, run: MatrixRun) -> str:
-    if run.supplied is None:
-        return _UNSTATED
-    problem = next(problem for problem in matrix.problems if problem.name == run.problem)
-    affected = concerned(
-        stops=problem.stops,
-        impacts=problem.stop_law == StopLaw.UNILATERAL,
-        loops=problem.loops,
-        elements=problem.elements,
-    )
-    return own(run.supplied, affected)
-
-
-def agreements(matrix: Matrix) -> doc.Text:
-    """Tell how many agreements there are of each degree."""
-    counts = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
-    listed = ", ".join(f"{name} in {counts[name]}" for name in _DEGREES if counts[name])
-    return doc.Text(f"Of {counts.total()} agreements the engine's own is: {listed or 'none'}.")
-
-
-def table_of_parts(matrix: Matrix) -> Iterator[doc.Block]:
-    """A row an engine and preset: what trebucheck supplies."""
-    stated = {run.label: run.supplied for run in matrix.runs if run.supplied is not None}
-    if stated:
-        yield doc.Heading("What is the engine's own", 2)
-        yield doc.Note("All but what trebucheck supplies, as each adapter says.")
-        rows = [(label, parts(supplied) or "nothing") for label, supplied in sorted(stated.items())]
-        yield doc.table((_ENGINE, doc.words("trebucheck supplies")), rows)
-
-
 _SCHEME_UNSTATED = "scheme not stated"
 _WORDS: dict[Outcome, str] = {
     Outcome.NOT_EQUIVALENT: "another model",
@@ -94,16 +52,29 @@ _KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
 
 def document(matrix: Matrix) -> doc.Document:
     """The whole."""
-    line = headline(matrix)
+    outcomes = Counter(run.outcome for run in matrix.runs)
+    listed = ", ".join(f"{outcomes[name]} {name.value}" for name in Outcome if outcomes[name])
+    engines = len({run.engine for run in matrix.runs})
+    runs = f"{len(matrix.runs)} runs: {listed}"
+    line = f"{engines} engines on {len(matrix.problems)} problems, {runs}."
+    shares = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
+    degrees = ", ".join(f"{name} in {shares[name]}" for name in _DEGREES if shares[name])
     blocks: list[doc.Block] = [
         doc.Text(line),
         doc.Heading("Verdicts", 2),
         doc.Note(_READING),
-        agreements(matrix),
-        doc.Note(READING),
+        doc.Text(f"Of {shares.total()} agreements the engine's own is: {degrees or 'none'}."),
+        doc.Note(_SHARES),
         *_tables(matrix, _verdict, leading=True),
-        *table_of_parts(matrix),
     ]
+    supplied = {run.label: parts(run.supplied) for run in matrix.runs if run.supplied is not None}
+    if supplied:
+        rows = [(label, text or "nothing") for label, text in sorted(supplied.items())]
+        blocks += [
+            doc.Heading("What is the engine's own", 2),
+            doc.Note("All but what trebucheck supplies, as each adapter says."),
+            doc.table((_ENGINE, doc.words("trebucheck supplies")), rows),
+        ]
     explained = [doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in spreads(matrix)]
     if explained:
         blocks += [
@@ -120,16 +91,24 @@ def document(matrix: Matrix) -> doc.Document:
     return doc.Document("Matrix", tuple(blocks), command=matrix.command or "", verdict=line)
 
 
-def headline(matrix: Matrix) -> str:
-    """Tell how many engines, problems and verdicts."""
-    counts = Counter(run.outcome for run in matrix.runs)
-    outcomes = ", ".join(f"{counts[name]} {name.value}" for name in Outcome if counts[name])
-    engines = len({run.engine for run in matrix.runs})
-    runs = f"{len(matrix.runs)} runs: {outcomes}"
-    return f"{engines} engines on {len(matrix.problems)} problems, {runs}."
-
-
 # --- Engines against problems
+
+_DEGREES = (*map(str, Own), _UNSTATED)
+
+
+def _own(matrix: Matrix, run: MatrixRun) -> str:
+    """How much of a run is the engine's."""
+    if run.supplied is None:
+        return _UNSTATED
+    problem = next(problem for problem in matrix.problems if problem.name == run.problem)
+    affected = concerned(
+        stops=problem.stops,
+        impacts=problem.stop_law == StopLaw.UNILATERAL,
+        loops=problem.loops,
+        elements=problem.elements,
+    )
+    return own(run.supplied, affected)
+
 
 _ENGINE = doc.words("engine", wrap=False)
 _LEADING = (doc.words("own"), doc.words("order", wrap=False), doc.words("agrees"))
@@ -170,10 +149,12 @@ def _rows(
             runs = [matrix.run(label, problem.name) for problem in problems]
             cells = (absent if run is None else show(run) for run in runs)
             if leading:
+                compared = [run for run in runs if run and run.outcome in COMPARED]
+                shares = (_own(matrix, run) for run in compared)
+                least = max(shares, key=_DEGREES.index, default="")
                 every = [*matrix.of(label)]
-                agreeing = sum(run.outcome is Outcome.AGREES for run in every)
-                share, order = own_on(matrix, label, problems), _order(matrix, label)
-                rows.append(doc.row(label, share, order, f"{agreeing} of {len(every)}", *cells))
+                agreeing = f"{sum(run.outcome is Outcome.AGREES for run in every)} of {len(every)}"
+                rows.append(doc.row(label, least, _order(matrix, label), agreeing, *cells))
             elif any(runs):
                 rows.append(doc.row(label, *cells))
         if rows:
@@ -233,10 +214,9 @@ def _missing(matrix: Matrix) -> Iterator[doc.Block]:
         (run for run in matrix.runs if run.outcome not in COMPARED),
         lambda run: (run.engine, run.outcome.value, run.message or "no reason was given"),
     )
-    rows = [
-        (engine, outcome, _titles(matrix, runs), message)
-        for (engine, outcome, message), runs in groups.items()
-    ]
+    rows: list[tuple[str, ...]] = []
+    for (engine, outcome, message), runs in groups.items():
+        rows.append((engine, outcome, _titles(matrix, runs), message))
     if rows:
         yield doc.Heading("What is missing", 2)
         heads = (_ENGINE, *map(doc.words, ("why", "problems", "in its words")))
@@ -286,10 +266,10 @@ def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
 
 def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
     yield doc.Heading("Problems and versions", 2)
-    problems = [
-        (p.number or "machine", p.name, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16])
-        for p in matrix.problems
-    ]
+    problems: list[tuple[str, ...]] = []
+    for p in matrix.problems:
+        number, judged_to, digest = p.number or "machine", f"{p.judged_to:.6g}", p.mechanism_hash
+        problems.append((number, p.name, judged_to, p.stop_law, digest[:16]))
     yield doc.table("number | problem | judged to [s] | law of the stops | hash", problems)
     by_engine = _grouped(matrix.runs, lambda run: (run.engine, run.engine_version, run.made_by))
     rows: list[tuple[str, ...]] = []

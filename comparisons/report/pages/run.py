@@ -84,7 +84,7 @@ def certificate_report(certificate: Certificate) -> doc.Document:
     blocks = (
         certified_figures(events, "Figures of the motion and its events"),
         doc.Text(f"{further}, are in the file.", "muted", medium="terminal"),
-        doc.Fold(further, (doc.page_only(certified_figures(timed, further)),)),
+        doc.Fold(further, (certified_figures(timed, further),)),
         doc.Listing(tuple(absent)),
         doc.Fold("The computations", (computations,)),
         doc.Note(f"Uncertainty: {rule} Versions: {versions}."),
@@ -95,11 +95,7 @@ def certificate_report(certificate: Certificate) -> doc.Document:
 
 
 def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> doc.Document:
-    """Quantities of one run.
-
-    Args:
-        distance: from the reference, or why that is not known; None: not asked for.
-    """
+    """Quantities of one run; if asked for, its distance from the reference or why there is none."""
     run, mechanism = trajectory.provenance, trajectory.mechanism
     title = f"{mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
     rows = [

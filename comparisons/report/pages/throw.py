@@ -9,17 +9,16 @@ from itertools import cycle
 
 import numpy as np
 
-from ....models.arrays import FloatArray
 from ....models.elements import PinJoint
 from ....models.library.trebuchet import FULCRUM
 from ....models.mechanism import Mechanism
-from ....reference.throw.flight import Flight, Surroundings, fly
+from ....reference.throw.flight import Surroundings, fly
 from ....reference.throw.members import axial_force, carries, members, supports, upward_force
 from ....reference.throw.throw import Performance, Sensitivity, Throw, origin, spoken
 from ....version import __version__
 from .. import document as doc
 from ..document import sentence
-from ..drawing.scene import Scene, scene
+from ..drawing.scene import scene
 from ..plots import Axis, Band, Panels, Plot, Rule, Series, Style
 from .tables import mechanism_as_data
 
@@ -28,33 +27,21 @@ _PROJECTILE, _BEST, _SOFT = "#D55E00", "#009E73", "#8a97a5"
 _COLOURS = (_PROJECTILE, "#0072B2", _BEST, "#CC79A7", "#8C6BB1", "#56B4E9", "#E69F00")
 
 
-def motion(performance: Performance) -> Scene:
-    """The machine up to the release."""
-    release, projectile = performance.flight.release, performance.projectile.name
-    return scene(
-        performance.solution.trajectory, end=release.time, thrown=projectile, launch=release.time
-    )
-
-
 def flight_plot(performance: Performance) -> Panels:
     """From the release to the landing; beside it the best release, and what the air takes."""
     surroundings, flown = performance.surroundings, performance.flight
-    series = [_path(flown, "flight", Style(_PROJECTILE, width=2.5))]
+    flights = [(flown, "flight", Style(_PROJECTILE, width=2.5))]
     if surroundings.drag > 0:
         vacuum = Surroundings(**{**dict(surroundings), "drag": 0.0})
-        series.append(_path(fly(flown.release, vacuum), "without drag", Style(_SOFT, dashed=True)))
+        flights.append((fly(flown.release, vacuum), "without drag", Style(_SOFT, dashed=True)))
     if performance.best is not None and performance.best.range - flown.range > 1e-9:
-        series.append(_path(performance.best, "best release", Style(_BEST, dashed=True)))
+        flights.append((performance.best, "best release", Style(_BEST, dashed=True)))
+    series: list[Series] = []
+    for flight, name, style in flights:
+        x, y = flight.path(300).T
+        series.append(Series(f"{name} ({flight.range:.1f} m)", x, y, style))
     ground = Rule(surroundings.ground, across="y")
     return (Plot(Axis("x", "m"), Axis("y", "m"), tuple(series), rules=(ground,), equal=True),)
-
-
-def _path(flown: Flight, name: str, style: Style) -> Series:
-    x, y = flown.path(300).T
-    return Series(f"{name} ({flown.range:.1f} m)", x, y, style)
-
-
-Quantity = Callable[[FloatArray], FloatArray]
 
 
 def force_plots(performance: Performance) -> Panels:
@@ -64,20 +51,12 @@ def force_plots(performance: Performance) -> Panels:
     # Even samples, and both sides of the events, where a slope breaks.
     events = [segment.end for segment in solution.segments if segment.end < until]
     times = np.unique(np.concatenate([np.linspace(0.0, until, _POINTS), events]))
-
-    def load(stop: str) -> Quantity:
-        return lambda t: solution.motion(t).stop_torques[stop]
-
-    axial: dict[str, Quantity] = {
-        member.body.name: partial(axial_force, solution, member) for member in members(mechanism)
-    }
-    upward: dict[str, Quantity] = {
-        joint.name: partial(upward_force, solution, joint)
-        for joint in supports(mechanism)
-        if carries(joint)
-    }
-    torques = {stop.name: load(stop.name) for stop in mechanism.angle_stops if stop.closed}
-    forces = {stop.name: load(stop.name) for stop in mechanism.point_stops if stop.closed}
+    axial = {each.body.name: axial_force(solution, each, times) for each in members(mechanism)}
+    carrying = (joint for joint in supports(mechanism) if carries(joint))
+    upward = {joint.name: upward_force(solution, joint, times) for joint in carrying}
+    loads = solution.motion(times).stop_torques
+    torques = {stop.name: loads[stop.name] for stop in mechanism.angle_stops if stop.closed}
+    forces = {stop.name: loads[stop.name] for stop in mechanism.point_stops if stop.closed}
     panels = (
         ("Axial forces: tension above zero, compression below", "kN", axial),
         ("Upward force of the ground: below zero, it would lift off", "kN", upward),
@@ -94,14 +73,17 @@ def force_plots(performance: Performance) -> Panels:
     )
     drawn: list[Plot] = []
     for title, unit, lines in panels:
-        styles = {name: Style(next(colours), width=2) for name in lines}
-        series = [Series(name, times, of(times) / 1e3, styles[name]) for name, of in lines.items()]
-        bands = tuple(
-            Band(*interval, styles[name].colour) for name, interval in shaded if name in lines
-        )
-        axes = Axis("t", "s"), Axis("", unit)
+        series: dict[str, Series] = {}
+        for name, values in lines.items():
+            series[name] = Series(name, times, values / 1e3, Style(next(colours), width=2))
+        bands: list[Band] = []
+        for name, interval in shaded:
+            if name in series:
+                bands.append(Band(*interval, series[name].style.colour))
         if series:
-            drawn.append(Plot(*axes, tuple(series), title, rules=rules, bands=bands))
+            axes = Axis("t", "s"), Axis("", unit)
+            curves, shown = tuple(series.values()), tuple(bands)
+            drawn.append(Plot(*axes, curves, title, rules=rules, bands=shown))
     return tuple(drawn)
 
 
@@ -118,7 +100,7 @@ _DERIVATIVES = (
 
 def document(performance: Performance, throw: Throw) -> doc.Document:
     """Values, warnings and pictures; `throw` may have sensitivities."""
-    name, start = throw.mechanism.name, origin_name(throw.mechanism)
+    name, start = throw.mechanism.name, _origin_name(throw.mechanism)
     launch, flight, longest = throw.launch, throw.flight, throw.best_flight
     at = f"released at {launch.time:.6g} s with {launch.speed:.6g} m/s"
     verdict = f"{name}: {flight.range:.6g} m, {at}"
@@ -132,10 +114,13 @@ def document(performance: Performance, throw: Throw) -> doc.Document:
     ]
     if longest is not None and longest.range > flight.range:
         tiles.append(doc.Tile(f"{longest.range:.2f} m", "longest range"))
+    trajectory, projectile = performance.solution.trajectory, performance.projectile.name
+    until = performance.flight.release.time
+    shown = partial(scene, trajectory, end=until, thrown=projectile, launch=until)
     blocks: list[doc.Block] = [
         doc.Text(f"{verdict}; {conditions}.", "strong", medium="page"),
         doc.Tiles(tuple(tiles)),
-        doc.AnimationBlock(lambda: (motion(performance),)),
+        doc.AnimationBlock(lambda: (shown(),)),
         doc.Figure(flight_plot(performance), "The flight", anchor="flight"),
         doc.Note(
             f"Computed by the Lagrangian reference. Positions are measured from where the {start} "
@@ -164,7 +149,7 @@ def document(performance: Performance, throw: Throw) -> doc.Document:
     return doc.Document(question, tuple(blocks), f"trebucheck throw: {name}", verdict=verdict)
 
 
-def origin_name(mechanism: Mechanism) -> str:
+def _origin_name(mechanism: Mechanism) -> str:
     """Origin of positions: the pin, or what a slot of another name guides."""
     joint = origin(mechanism)
     if not isinstance(joint, PinJoint) and joint.name != FULCRUM:
@@ -176,8 +161,6 @@ def origin_name(mechanism: Mechanism) -> str:
 
 # --- Values
 
-_Rows = list[tuple[str, str]]
-
 
 def _deg(angle: float, digits: int = 4) -> str:
     return f"{math.degrees(angle):.{digits}f} deg"
@@ -187,9 +170,9 @@ def _force(force: float, time: float) -> str:
     return f"{force / 1e3 + 0.0:.3f} kN at {time:.4f} s"  # no -0.000
 
 
-def _groups(throw: Throw) -> Iterator[tuple[str, _Rows]]:
+def _groups(throw: Throw) -> Iterator[tuple[str, list[tuple[str, str]]]]:
     """Values in groups, each with its title."""
-    launch, flight, start = throw.launch, throw.flight, origin_name(throw.mechanism)
+    launch, flight, start = throw.launch, throw.flight, _origin_name(throw.mechanism)
     rows = [
         ("time", f"{launch.time:.9f} s"),
         ("speed", f"{launch.speed:.6f} m/s"),
@@ -223,10 +206,8 @@ def _groups(throw: Throw) -> Iterator[tuple[str, _Rows]]:
     launch, flight = throw.best_launch, throw.best_flight
     rows = [("best release", "none reaches the landing height")]
     if launch is not None and flight is not None:
-        rows = [
-            ("release at", f"{launch.time:.9f} s"),
-            ("angle, speed", f"{_deg(launch.angle)}, {launch.speed:.4f} m/s"),
-        ]
+        velocity = f"{_deg(launch.angle)}, {launch.speed:.4f} m/s"
+        rows = [("release at", f"{launch.time:.9f} s"), ("angle, speed", velocity)]
         if launch.sling_angle is not None:
             rows.append(("sling to arm", _deg(launch.sling_angle)))
         rows.append(("range", f"{flight.range:.4f} m"))
@@ -261,10 +242,10 @@ def _sensitivity_columns(throw: Throw) -> tuple[doc.Column, ...]:
     What a narrow terminal leaves out first has the highest rank.
     """
 
-    def change(by: Sensitivity, derivative: _Derivative, *, percent: bool = False) -> str:
+    def change(by: Sensitivity, derivative: _Derivative, per: str) -> str:
         """Change by one unit of the parameter, or by one per cent; a dash for 1 % of zero."""
-        slope, step = derivative(by), (by.value / 100 or None) if percent else 1.0
-        if slope is None or step is None:
+        slope, step = derivative(by), 1.0 if per == "unit" else by.value / 100
+        if slope is None or not step:
             return "–"
         rounding = abs(slope) * max(1.0, abs(by.value)) < 1e-8  # of a derivative that is zero
         return "0" if rounding else f"{slope * step:+.4g}"
@@ -275,20 +256,17 @@ def _sensitivity_columns(throw: Throw) -> tuple[doc.Column, ...]:
         ("angle", "deg", 4, lambda by: math.degrees(by.launch_angle)),
         ("range", "m", 1, lambda by: by.range),
     )
-    per_unit: list[doc.Column] = []
-    per_cent: list[doc.Column] = []
-    for name, unit, rank, derivative in figures:
-        if any(change(by, derivative) not in ("0", "–") for by in throw.sensitivities):
-            of = partial(change, derivative=derivative)
-            per_unit.append(doc.Column(name, f"{unit} per unit", rank=rank, of=of))
-            of = partial(change, derivative=derivative, percent=True)
-            per_cent.append(doc.Column(name, f"{unit} per %", rank=rank, of=of))
-    return (
+    heads = [
         doc.Column("by", of=lambda each: each.name),
         doc.Column("value", of=lambda each: f"{each.value:.6g} {each.unit}"),
-        *per_unit,
-        *per_cent,
-    )
+    ]
+    for per in ("unit", "%"):
+        for name, unit, rank, derivative in figures:
+            changes = (change(by, derivative, "unit") for by in throw.sensitivities)
+            if not set(changes) <= {"0", "–"}:
+                of = partial(change, derivative=derivative, per=per)
+                heads.append(doc.Column(name, f"{unit} per {per}", rank=rank, of=of))
+    return tuple(heads)
 
 
 _Derivative = Callable[[Sensitivity], float | None]
