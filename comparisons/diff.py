@@ -567,7 +567,7 @@ def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
     ):
         return unknown
     # Rounding of one part of the scale in each step: a random walk, carried on.
-    scales = (machine.whole_scales if quantity.invariant else None) or machine.scales
+    scales = machine.scales_for(invariant=quantity.invariant)
     if quantity.scale == "energy":
         scale = scales.largest_energy
     else:

@@ -25,20 +25,13 @@ _STEP = 0.01  # of the characteristic time
 _MOST = 100  # events: what bounces to rest has no end of them
 
 
-def record_motion(given: Mechanism | Problem) -> RecordedMotion:
-    """Solve a problem, or a mechanism to its launch or some characteristic times, for its events.
-
-    Those behind the predictability horizon are left out: they would not be certain.
+def recorded(runner: Runner) -> RecordedMotion:
+    """Events of a reference motion up to the predictability horizon: behind it none is certain.
 
     Raises:
         InputError: the reference cannot begin.
-        SimulationError: the reference cannot move it.
+        SimulationError: the reference cannot move the mechanism.
     """
-    return recorded(motion_of(given))
-
-
-def recorded(runner: Runner) -> RecordedMotion:
-    """Its events, as :func:`record_motion`; SimulationError: the reference cannot move it."""
     solution, end = runner.solution, min(runner.end, runner.judged_to)
     # Times [s], stops and what becomes of them; of the launch, no stop
     events = [(t, stop, "release") for stop, t in solution.release_times.items() if t is not None]

@@ -29,7 +29,7 @@ from trebucheck.comparisons.explain import Explanation
 from trebucheck.comparisons.judge import Judgement
 from trebucheck.comparisons.matrix import distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
-from trebucheck.comparisons.mjcf import record_motion
+from trebucheck.comparisons.mjcf import recorded
 from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
@@ -41,6 +41,7 @@ from trebucheck.comparisons.report.pages.problems import library
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot, picture, write_picture
 from trebucheck.comparisons.runs.process import Worker, simulate
 from trebucheck.comparisons.runs.results import Results
+from trebucheck.comparisons.runs.runner import motion_of
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.conformance.verdicts import Conformance
@@ -75,12 +76,7 @@ def distance_plots(comparison: Comparison) -> Panels:
     """Distance of the projectile from the reference over time, both machines."""
     drawn: list[Plot] = []
     for machine in comparison.results.machines:
-        own = {
-            label: t
-            for (name, label), t in comparison.trajectories.items()
-            if name == machine.model
-        }
-        runs = figures.lines(comparison.solutions[machine.model], own, machine.compared_to)
+        runs = figures.lines(comparison, machine)
         position = figures.position("projectile")
         series = tuple(
             run.difference(position) for run in runs if not run.label.startswith("reference")
@@ -340,7 +336,7 @@ def write_mjcf() -> None:
     """The machines' MJCF, with the events of their certified motions and pictures."""
     for name in models():
         folder, mechanism = ROOT / "models" / "mjcf" / name, tb.model(name)
-        motion = record_motion(mechanism)
+        motion = recorded(motion_of(mechanism))
         (folder / RECORDED_FILE).write_text(motion.model_dump_json() + "\n")
         write_model_folder(mechanism, folder, motion=motion)
         page = folder / "README.md"

@@ -358,6 +358,14 @@ CASES: dict[str, Callable[[], Any]] = {
         f"runs-{engine}-events": partial(recorded_engines.motions, engine, summary)
         for engine in ("mujoco", "pymunk", "exudyn")
     },
+    **{
+        f"runs-{engine}-options": partial(recorded_engines.variants, engine, summary)
+        for engine in ("mujoco", "pymunk", "exudyn")
+    },
+    **{
+        f"runs-{engine}-studies": partial(recorded_engines.studied, engine)
+        for engine in ("mujoco", "pymunk", "exudyn", "reference")
+    },
     "compare-fixed": lambda: compared("fixed", "heavy", "torque-sign"),
     "compare-bouncing": lambda: compared("bob between", "earth-gravity", "releases-early"),
     "compare-loop": lambda: compared("loop", "late", "half-energy"),

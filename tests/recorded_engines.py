@@ -15,6 +15,8 @@ import numpy as np
 import trebucheck as tb
 from mechanisms import angle_stop, body_of, chain, hanging_bob, pin, slider_crank
 from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.engines.registry import causes_of, engine_study
+from trebucheck.engines.study import ConstraintKinds
 from trebucheck.models.elements import (
     GROUND,
     ConstantForce,
@@ -248,3 +250,92 @@ def motions(engine: str, summary: Callable[[tb.Trajectory], Any]) -> list[Any]:
         assert np.abs(moved.q - right.q).max() < _FAR, name
         found.append([name, summary(moved)])
     return found
+
+
+VARIANTS: dict[str, list[dict[str, Any]]] = {
+    "mujoco": [
+        {"integrator": "Euler", "timestep": 2e-3},
+        {"solref": (0.01, 1.0), "timestep": 1e-3},
+        {"solref": (-4e6, -4e3), "timestep": 1e-3},
+        {"solimp": (0.9, 0.95, 0.01, 0.5, 2.0), "timestep": 1e-3},
+        {"preload": False, "solver": "CG", "timestep": 2e-3},
+        {"moving_points": False, "locate_releases": False, "timestep": 2e-3},
+    ],
+    "pymunk": [
+        {"leapfrog": False, "timestep": 2e-3},
+        {"hold_lengths": False, "timestep": 2e-3},
+        {"locate_releases": False, "timestep": 4e-3},
+        {"iterations": 40, "timestep": 4e-3},
+        {"error_bias": 0.1, "timestep": 4e-3},
+    ],
+    "exudyn": [
+        {"integrator": "generalized-alpha-index-3", "timestep": 4e-3},
+        {"stop_stiffness": 1e7, "timestep": 2e-3},
+        {"stop_stiffness": 1e8, "stop_damping_ratio": 0.5, "timestep": 2e-3},
+        {"locate_releases": False, "timestep": 4e-3},
+        {"modified_newton": True, "timestep": 4e-3},
+        {"adaptive_step": True, "timestep": 4e-3},
+    ],
+}
+"""Options over the preset's that are seldom set."""
+_NEARER = 0.05
+"""[rad] Of what is soft, of first order or not located: of a motion over two radians."""
+
+
+def variants(engine: str, summary: Callable[[tb.Trajectory], Any]) -> list[Any]:
+    """Motions with options that are seldom set, of machines whose stops let go."""
+    found: list[Any] = []
+    for options in VARIANTS[engine]:
+        for build, duration in ((tb.fixed, 1.4), (tb.hinged, 0.9)):
+            if build is tb.hinged and options.get("solref", (1.0,))[0] < 0:
+                continue  # so much damping lets the trough go at once
+            problem = tb.Problem(build(), duration=duration)
+            try:
+                moved = tb.engine(engine, **options).simulate(problem)
+            except (tb.UnsupportedProblemError, tb.InputError, tb.SimulationError) as error:
+                found.append([type(error).__name__, str(error)])
+                continue
+            right = solve(problem).trajectory(moved.t)
+            assert np.abs(moved.q - right.q).max() < _NEARER, (options, problem.mechanism.name)
+            found.append(summary(moved))
+    return found
+
+
+def studied(engine: str) -> list[Any]:
+    """What an engine says of its options: causes of error, refinements, sets of options, orders."""
+    study = engine_study(engine)
+    found: list[Any] = []
+    mechanisms = (None, tb.hinged(), slider_crank())
+    every: list[dict[str, Any]] = [{}, *VARIANTS.get(engine, [])]
+    for preset in ("tuned", "stock"):
+        for options in every:
+            made = tb.engine(engine, preset, **options)
+            for mechanism in mechanisms:
+                found.append(len(found))
+                for cause in causes_of(made, mechanism):
+                    ways = (cause.removal, cause.scaling)
+                    described = [way and way.described(made.settings) for way in ways]
+                    found.append([cause.name, list(cause.after), _plain(dict(cause.options))])
+                    found.append(described)
+                kinds = ConstraintKinds.of(mechanism)
+                for refinement in study.refinements:
+                    found.append(_plain(refinement.change(made.settings, kinds)))
+            order = study.step_orders.get(preset)
+            found.append(order and order.order)
+    for chosen in study.option_sets:
+        found.append([chosen.name, *(_plain(chosen.all_options(step)) for step in (1e-4, 3e-3))])
+    for swept in study.swept_parameters:
+        found.append([swept.name, list(swept.values), swept.expected, _plain(dict(swept.base))])
+        found += [_plain(dict(swept.options(value))) for value in swept.values[:3]]
+        found.append(_plain(swept.without))
+    return found
+
+
+def _plain(options: Any) -> Any:
+    """Options as JSON, numbers in parts that no rounding to zero hides."""
+    if isinstance(options, dict):
+        return [[name, _plain(options[name])] for name in sorted(options)]
+    if isinstance(options, list | tuple):
+        return [_plain(value) for value in options]
+    small = isinstance(options, float) and 0 < abs(options) < 1e-3
+    return math.log10(abs(options)) if small else options

@@ -101,6 +101,7 @@ _BUILT: dict[str, tuple[Callable[[], Mechanism], float, StopLaw]] = {
     "stop and floor": (
         lambda: hanging_bob(angle_stop(1.0, 0.5), floor(1.9, 0.3)), 1.4, StopLaw.UNILATERAL,
     ),
+    "thrown": (lambda: tb.model("catapult"), 2.0, StopLaw.RELEASE_ONCE),
     "ball": (lambda: bouncing(0.3, 0.6), 1.1, StopLaw.UNILATERAL),
     "loop": (slider_crank, 0.9, StopLaw.RELEASE_ONCE),
     "chain": (chain_on_a_slot, 0.8, StopLaw.RELEASE_ONCE),
@@ -369,9 +370,14 @@ class Other:
 
     mechanism: Mechanism
     name: str = "other"
+    relative: bool = False
+    """Whether its coordinates count from its own start, which is elsewhere."""
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         wrong = self.mechanism
+        if self.relative:
+            shift = np.array(wrong.start) - np.array(mechanism.start)
+            states = [replace(state, q=state.q + shift) for state in states]
         shown = ReferenceEngine().inspect(wrong, states)
         exact = expected(wrong, states)
         dynamics = [
@@ -431,6 +437,19 @@ def built(name: str) -> list[Any]:
             best = diagnosis.causes[: max(3, diagnosis.likeliest)]
             rows = [[c.name, c.kind, c.amount, round(c.explained, 4)] for c in best]
             found.append([diagnosis.leads, diagnosis.likeliest, rows])
+    return found
+
+
+def built_elsewhere() -> list[Any]:
+    """Causes of a built model that starts with its stop elsewhere, told from there or not."""
+    right, parameters = tb.fixed(), tb.TrebuchetParameters()
+    wrong = tb.fixed(tb.TrebuchetParameters(alpha0=1.01 * parameters.alpha0))
+    found: list[Any] = []
+    for relative in (False, True):
+        equality, diagnosis = check_and_diagnose(Other(wrong, relative=relative), right)
+        assert diagnosis is not None
+        rows = [[c.name, c.kind, c.amount, round(c.explained, 4)] for c in diagnosis.causes[:4]]
+        found.append([[c.label for c in equality.broken], diagnosis.likeliest, rows])
     return found
 
 
@@ -633,6 +652,7 @@ CASES: dict[str, Callable[[], Any]] = {
         for n in ("stop and floor", "sprung", "flat")
     },
     **{f"built-{n}": (lambda n=n: built(n)) for n in ("leaning", "weightless")},
+    "built-elsewhere": built_elsewhere,
     **{f"checked-{n}": (lambda n=n: checked(n)) for n in _CHECKED},
     **{
         f"tolerances-{n.replace(' ', '-')}": (lambda n=n: held_against(n))

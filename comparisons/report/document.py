@@ -54,7 +54,9 @@ def format_step(value: object) -> str:
     """A time step with as many digits as it needs, four at most; a dash for what is no number."""
     if not isinstance(value, float):
         return "–"
-    digits = next(n for n in range(17) if float(_scientific(value, n)) == value or n == 3)
+    digits = 0
+    while digits < 3 and float(_scientific(value, digits)) != value:
+        digits += 1
     return _scientific(value, digits)
 
 
@@ -250,16 +252,6 @@ class Column(Placed):
         """Its title in a terminal."""
         return self.short or self.title
 
-    def laid_out(self, number: int, cells: Sequence[str]) -> Column:
-        """The column with alignment and wrapping by its cells; the first one to the left."""
-        values = [_NUMBER.match(cell) is not None for cell in cells if cell not in ("", "–")]
-        align, wrap = self.align, self.wrap
-        if align is None:
-            align = "left" if number == 0 or 2 * sum(values) < len(values) else "right"
-        if wrap is None:
-            wrap = number > 0 and any(" " in cell for cell in cells)
-        return replace(self, align=align, wrap=wrap)
-
 
 def columns(titles: str) -> tuple[Column, ...]:
     """Columns from a line like "engine | step [s] | (steps)"; in round brackets: for pages only."""
@@ -279,10 +271,8 @@ def _column(title: str) -> Column:
 
 def ranked(columns: Iterable[Column], **ranks: int) -> tuple[Column, ...]:
     """The columns with a rank for those whose title, its spaces as underscores, has one."""
-    return tuple(
-        replace(column, rank=ranks.get(column.title.replace(" ", "_"), column.rank))
-        for column in columns
-    )
+    names = ((column, column.title.replace(" ", "_")) for column in columns)
+    return tuple(replace(column, rank=ranks.get(name, column.rank)) for column, name in names)
 
 
 def words(title: str, *, wrap: bool = True, medium: Medium = "any") -> Column:
@@ -375,16 +365,23 @@ def table(
         else:
             body.append(row(*(column.of(item) for column in parsed)))
     whole = [each.cells for each in body if len(each.cells) == len(parsed)]
-    laid_out = (
-        column.laid_out(i, [cells[i].text for cells in whole]) for i, column in enumerate(parsed)
-    )
+    laid_out: list[Column] = []
+    for i, column in enumerate(parsed):
+        # Numbers stand to the right, all else and the first column to the left.
+        texts = [cells[i].text for cells in whole]
+        values = [_NUMBER.match(text) is not None for text in texts if text not in ("", "–")]
+        align, wrap = column.align, column.wrap
+        if align is None:
+            align = "left" if i == 0 or 2 * sum(values) < len(values) else "right"
+        if wrap is None:
+            wrap = i > 0 and any(" " in text for text in texts)
+        laid_out.append(replace(column, align=align, wrap=wrap))
     return Table(tuple(laid_out), tuple(body), caption, medium=medium)
 
 
 def without_empty_columns(shown: Table) -> Table:
     """The table without columns in which no row has a value or a verdict; the first one stays."""
-    count = len(shown.columns)
-    kept = {0}
+    count, kept = len(shown.columns), {0}
     for each in shown.rows:
         for i, cell in enumerate(each.cells):
             says = cell.text not in ("", "–") or cell.mark in ("good", "bad", "warning")
@@ -392,9 +389,8 @@ def without_empty_columns(shown: Table) -> Table:
                 kept.add(i)
     rows: list[Row] = []
     for each in shown.rows:
-        stays = set(kept)
-        if len(each.cells) < count:
-            stays.add(len(each.cells) - 1)  # spans the rest
+        last = len(each.cells) - 1  # where there are fewer cells it spans the rest, and stays
+        stays = kept if len(each.cells) == count else kept | {last}
         cells = tuple(cell for i, cell in enumerate(each.cells) if i in stays)
         rows.append(replace(each, cells=cells))
     columns = tuple(column for i, column in enumerate(shown.columns) if i in kept)

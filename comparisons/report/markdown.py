@@ -11,46 +11,41 @@ from . import document as doc
 def text(document: doc.Document, *, signs: bool = False) -> str:
     """The document; its title is a heading where it has one.
 
-    Args:
-        signs: put the sign of its mark before each text and cell that has one, and strong cells in
-            bold.
+    `signs` puts the sign of its mark before each text and cell, and strong cells in bold.
     """
     title = f"# {document.title}" if document.title else ""
     return "\n\n".join(filter(None, (title, _blocks(document.blocks, signs)))) + "\n"
 
 
 def _blocks(blocks: Iterable[doc.Block], signs: bool) -> str:
-    parts = (_block(block, signs) for block in doc.in_medium(blocks, "page"))
+    parts: list[str] = []
+    for block in doc.in_medium(blocks, "page"):
+        match block:
+            case doc.Heading():
+                parts.append(f"{'#' * block.level} {block.text}")
+            case doc.Text():
+                parts.append(_paragraph(block, signs))
+            case doc.Listing():
+                bullet = "1." if block.ordered else "-"
+                items = (f"{bullet} {_paragraph(item, signs)}" for item in block.items)
+                parts.append("\n".join(items))
+            case doc.Tiles():
+                tiles = (f"**{tile.value}** {tile.label}" for tile in block.tiles)
+                parts.append(", ".join(tiles))
+            case doc.Table():
+                parts.append(_table(block, signs))
+            case doc.Code():
+                parts.append(f"{block.title}\n\n```\n{block.text.rstrip()}\n```")
+            case doc.Figure():
+                parts.append(f"**{block.title}** {block.caption}".rstrip())
+            case doc.Grid():
+                parts.append(_blocks(block.blocks, signs))
+            case doc.Fold():
+                title, inner = _plain(block.title), _blocks(block.blocks, signs)
+                parts.append(f"<details><summary>{title}</summary>\n\n{inner}\n\n</details>")
+            case doc.AnimationBlock():
+                pass  # only a page can show it
     return "\n\n".join(filter(None, parts))
-
-
-def _block(block: doc.Block, signs: bool) -> str:
-    """One block; nothing of an animation, which only a page can show."""
-    part = ""
-    match block:
-        case doc.Heading():
-            part = f"{'#' * block.level} {block.text}"
-        case doc.Text():
-            part = _paragraph(block, signs)
-        case doc.Listing():
-            bullet = "1." if block.ordered else "-"
-            part = "\n".join(f"{bullet} {_paragraph(item, signs)}" for item in block.items)
-        case doc.Tiles():
-            part = ", ".join(f"**{tile.value}** {tile.label}" for tile in block.tiles)
-        case doc.Table():
-            part = _table(block, signs)
-        case doc.Code():
-            part = f"{block.title}\n\n```\n{block.text.rstrip()}\n```"
-        case doc.Figure():
-            part = f"**{block.title}** {block.caption}".rstrip()
-        case doc.Grid():
-            part = _blocks(block.blocks, signs)
-        case doc.Fold():
-            inner = _blocks(block.blocks, signs)
-            part = f"<details><summary>{_plain(block.title)}</summary>\n\n{inner}\n\n</details>"
-        case _:
-            pass
-    return part
 
 
 def _paragraph(block: doc.Text, signs: bool) -> str:

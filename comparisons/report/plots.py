@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -140,14 +140,9 @@ REFERENCE_RUN = "reference tuned"  # label of the run that is the reference itse
 
 
 def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> Scene:
-    """Returns a mechanism in motion with engines' runs over the reference, each in its colour.
+    """Returns a mechanism in motion with engines' runs, by label, over the reference at any times.
 
-    A run of the reference's own is left out.
-
-    Args:
-        states: the reference motion at any times.
-        runs: by label, such as 'mujoco tuned'.
-        how: as :func:`.drawing.scene.scene` takes it.
+    A run of the reference's own is left out. `how` is what :func:`.drawing.scene.scene` takes.
     """
     looks: dict[str, RunLook] = {}
     for label, run in runs.items():
@@ -167,13 +162,7 @@ _WIDTH, _HEIGHT = 4.2, 3.2  # of one plot [inches]
 
 
 def picture(panels: Panels, columns: int = 3, title: str = "") -> Figure:
-    """Plots beside each other under one legend.
-
-    Args:
-        panels: the plots.
-        columns: plots in a row, at most.
-        title: above all of them.
-    """
+    """Plots beside each other under one legend, at most `columns` in a row."""
     from matplotlib.figure import Figure  # without pyplot: no window, no global state
 
     columns = min(columns, len(panels))
@@ -218,23 +207,16 @@ def write_picture(figure: Figure, path: str | Path) -> None:
 def _draw(plot: Plot, on: Axes) -> None:
     bars = [series for series in plot.series if series.mark == "bar"]
     for series in plot.series:
-        if series.mark == "bar":
-            width = 0.8 / len(bars)
-            shift = -0.4 + (bars.index(series) + 0.5) * width
-            _bar(series, on, width, shift, along_x=bool(plot.y.categories))
-        else:
-            _line(series, on)
+        _draw_series(series, on, bars, along_x=bool(plot.y.categories))
     for rule in plot.rules:
         line = on.axvline if rule.across == "x" else on.axhline
         line(rule.at, color=rule.colour or "#8a97a5", linewidth=0.8, linestyle=":")
     for band in plot.bands:
         on.axvspan(band.start, band.end, color=band.colour, alpha=0.15, linewidth=0)
     for label in plot.labels:
-        side: dict[str, Any] = {"ha": "center", "va": "bottom"}
-        if label.beside:
-            side = {"ha": "left", "va": "center"}
+        across, up = ("left", "center") if label.beside else ("center", "bottom")
         on.annotate(label.text, (label.x, label.y), (4, 2), fontsize=7, color=_ink(label.colour),
-                    textcoords="offset points", **side)  # fmt: skip
+                    textcoords="offset points", ha=across, va=up)  # fmt: skip
     on.set_title(plot.title, fontsize=9)
     setters: tuple[tuple[Axis, Any, Any, Any], ...] = (
         (plot.x, on.set_xscale, on.set_xticks, on.set_xlabel),
@@ -254,34 +236,32 @@ def _draw(plot: Plot, on: Axes) -> None:
         on.invert_yaxis()
 
 
-def _line(series: Series, on: Axes) -> None:
+def _draw_series(series: Series, on: Axes, bars: Sequence[Series], *, along_x: bool) -> None:
+    """Draw a line, points, or one of the bars, which stand beside each other."""
     style, colour = series.style, _ink(series.style.colour)
+    look: dict[str, Any] = {"color": colour, "label": series.name if series.listed else None}
+    if series.spread is not None:
+        low, high = series.spread
+        look["xerr"] = (series.x - low, high - series.x)
+    if series.mark == "bar":
+        width = 0.8 / len(bars)
+        shift = -0.4 + (bars.index(series) + 0.5) * width
+        if along_x:
+            on.barh(series.y + shift, series.x, width, **look)
+        else:
+            on.bar(series.x + shift, series.y, width, **look)
+        return
     line = "--" if style.dashed else "-"
-    look: dict[str, Any] = {
-        "color": colour, "label": series.name if series.listed else None,
-        "linestyle": "none" if series.mark == "points" else line,
-        "linewidth": style.width * 0.75,
+    look |= {
+        "linestyle": "none" if series.mark == "points" else line, "linewidth": style.width * 0.75,
         "alpha": 0.4 if style.colour == INK and not style.dashed else 1.0,
         "marker": "" if series.mark == "line" else _MARKERS[style.symbol], "markersize": 4.5,
         "markerfacecolor": "white" if style.dashed else colour,
     }  # fmt: skip
     if series.spread is None:
         on.plot(series.x, series.y, **look)
-        return
-    low, high = series.spread
-    spread = (series.x - low, high - series.x)
-    on.errorbar(series.x, series.y, xerr=spread, elinewidth=0.8, **look)
-
-
-def _bar(series: Series, on: Axes, width: float, shift: float, *, along_x: bool) -> None:
-    name = series.name if series.listed else None
-    look: dict[str, Any] = {"color": _ink(series.style.colour), "label": name}
-    if not along_x:
-        on.bar(series.x + shift, series.y, width, **look)
-        return
-    if series.spread is not None:
-        look["xerr"] = (series.x - series.spread[0], series.spread[1] - series.x)
-    on.barh(series.y + shift, series.x, width, **look)
+    else:
+        on.errorbar(series.x, series.y, elinewidth=0.8, **look)
 
 
 def _ink(colour: str) -> str:

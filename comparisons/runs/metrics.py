@@ -18,7 +18,7 @@ from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
 from ...models.kinematics import Kinematics
-from ...models.launch import LAUNCH_ANGLE
+from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
@@ -28,16 +28,12 @@ from .results import Metric
 from .scales import Scales, away_from_poles, scales_until
 from .stretching import PARTED, Stretching, parting
 
-EVENT_GUARD = 1.5
-"""Steps around an event within which a sample may fall on its other side."""
-THROWN = "projectile"
-"""The marker whose launch is measured, unless another one is named."""
-SAME_END = 1e-9
-"""Part of the end by which an event may lie beyond it and still be within."""
+EVENT_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
+THROWN = "projectile"  # marker whose launch is measured, unless another one is named
+SAME_END = 1e-9  # part of the end by which an event may lie beyond it and still be within
+# Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
+# The zero of the potential energy is a convention: a start near it would make any drift large.
 LEAST_START = 1e-2
-"""Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
-
-The zero of the potential energy is a convention: a start near it would make any drift large."""
 # Of each stop: the first ones; further ones pile up in a shorter and shorter time
 _COUNTED_IMPACTS = 10
 _REDUNDANT = "not unique: constraints are redundant"
@@ -55,10 +51,8 @@ class AlignedRun:
     keep: BoolArray
     thrown: str = THROWN
     known_scales: Scales | None = None
-    invariants_to: float | None = None
-    """End of what invariants are compared over [s]; None: the same."""
-    stretching: Stretching | None = None
-    """Growth of errors of the reference motion to that end, where it is known."""
+    invariants_to: float | None = None  # end of what invariants are compared over [s]
+    stretching: Stretching | None = None  # of the reference motion to that end, where it is known
 
     @property
     def t(self) -> FloatArray:
@@ -252,6 +246,15 @@ def _event_metric(
     return Metric(name=name, subject=subject, value=None, unit="s", note=note)
 
 
+def launch_errors(
+    launch: Launch | None, expected: Launch | None
+) -> tuple[float | None, float | None]:
+    """Differences of the times [s] and speeds [m/s] of two launches; None unless both are there."""
+    if launch is None or expected is None:
+        return None, None
+    return launch.time - expected.time, launch.speed - expected.speed
+
+
 def _launch(c: AlignedRun) -> Iterator[Metric]:
     if c.thrown not in c.trajectory.markers:
         return
@@ -262,9 +265,8 @@ def _launch(c: AlignedRun) -> Iterator[Metric]:
         return
     subject = None if c.thrown == THROWN else c.thrown
     yield _event_metric("launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
-    speed, note = None, "only one of the two launches"
-    if launch is not None and expected is not None:
-        speed, note = launch.speed - expected.speed, None
+    speed = launch_errors(launch, expected)[1]
+    note = "only one of the two launches" if speed is None else None
     yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
 
 

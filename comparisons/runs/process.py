@@ -84,8 +84,7 @@ class TimeLimitError(SimulationError):
 
     def __init__(self, message: str, limit: float = math.nan) -> None:
         super().__init__(message)
-        self.limit = limit
-        """[s]"""
+        self.limit = limit  # [s]
 
 
 @contextmanager
@@ -123,20 +122,16 @@ class Worker:
     loky, not multiprocessing: it needs no `if __name__ == "__main__"` in the caller's script.
     """
 
-    timeout: float = 600.0
-    """Longest wait for one run [s], the start of its process apart."""
-    isolate: bool = True
-    """False: simulate in this process, without a limit of time."""
-    jobs: int = 1
-    """Processes: calls from as many threads are served at once."""
-    fresh: bool = False
-    """Whether each call has a process of its own, that nothing was run in before."""
+    timeout: float = 600.0  # longest wait for one run [s], the start of its process apart
+    isolate: bool = True  # False: simulate in this process, without a limit of time
+    jobs: int = 1  # processes: calls from as many threads are served at once
+    fresh: bool = False  # whether each call has a process that nothing was run in before
     _started: list[Any] = field(default_factory=list[Any], init=False)
+    # One entry a process that serves no call; None for one that is not started
     _idle: SimpleQueue[Any] = field(default_factory=SimpleQueue[Any], init=False)
-    """One entry a process that serves no call; None for one that is not started."""
     _closed: bool = field(default=False, init=False)
+    # Whether a process that forks imports what calls have imported
     _imports: bool = field(default=True, init=False)
-    """Whether a process that forks imports what calls have imported."""
 
     def __post_init__(self) -> None:
         # infinity, too, is a wait that the system can take
@@ -205,15 +200,22 @@ class Worker:
     def _forked(
         self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object
     ) -> _Result:
-        call = packed(function, runner, given)
-        future = _submitted(pool, call_forked, call, self.timeout, self._imports)
+        # As bytes, so that only the process that makes the call loads what it is made of
+        call = bytes(dumps((function, (runner, given))))
+        future = _submitted(pool, _call_forked, call, self.timeout, self._imports)
         answer, ended, safe = future.result(self.timeout + _START)
         if not safe:
             self._imports = False
             self._end(pool)
         if ended is None:
             raise self._too_long(runner)
-        return cast("_Result", unpacked(runner.name, answer, ended))
+        if answer is None:
+            how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
+            raise SimulationError(f"{runner.name} crashed: its process ended by itself{how}.")
+        result, error = pickle.loads(answer)
+        if error is not None:
+            raise error
+        return cast("_Result", result)
 
     def _start(self) -> Any:
         pool = ProcessPoolExecutor(max_workers=1)
@@ -269,42 +271,21 @@ _FIRST_TO_GO = "1000"  # when memory runs out, the system ends a call before any
 _PR_SET_PDEATHSIG = 1
 
 
-def packed(function: Callable[..., Any], *given: Any) -> bytes:
-    """A call, so that only the process that makes it loads what it is made of."""
-    return bytes(dumps((function, given)))
-
-
-def unpacked(name: str, answer: bytes | None, ended: int) -> Any:
-    """The result of a call by the answer and the end that :func:`call_forked` gives.
-
-    Raises:
-        SimulationError: its process ended by itself.
-        Exception: whatever the call has raised.
-    """
-    if answer is None:
-        how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
-        raise SimulationError(f"{name} crashed: its process ended by itself{how}.")
-    result, error = pickle.loads(answer)
-    if error is not None:
-        raise error
-    return result
-
-
-def call_forked(
-    call: bytes, timeout: float, imports: bool = True
+def _call_forked(
+    call: bytes, timeout: float, imports: bool
 ) -> tuple[bytes | None, int | None, bool]:
     """Make a call in a fork of this process.
 
     Args:
-        call: as :func:`packed` makes it.
+        call: pickled function and arguments.
         timeout: longest wait [s].
         imports: whether to import here afterwards what the call has imported.
 
     Returns:
-        The answer, for :func:`unpacked`, or None from a process that ended by itself; its exit
-        code, or minus the signal that ended it, or None if it did not come to an end: it is ended
-        then, with all that it has started; and whether this process can be forked again: not if
-        those imports have started threads.
+        The pickled result and error, or None from a process that ended by itself; its exit code, or
+        minus the signal that ended it, or None if it did not come to an end: it is ended then, with
+        all that it has started; and whether this process can be forked again: not if those imports
+        have started threads.
     """
     ours, theirs = Pipe(duplex=False)
     sys.stdout.flush()

@@ -70,24 +70,18 @@ def parse_label(label: str) -> tuple[str, str | None]:
 class MetricKind:
     """One kind of metric: how far two motions are apart in some respect."""
 
-    name: str
-    """Name of the metric in results."""
-    title: str
-    """Name for users, in `--tolerance` as well."""
+    name: str  # of the metric in results
+    title: str  # for users, in `--tolerance` as well
     scale: str
     """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's,
     'base error' for what the stretching at the predictability horizon makes one of, '' for none."""
-    follows: str | None = None
-    """Metric from which it follows, and which is judged in its place."""
-    invariant: bool = False
-    """Whether it is judged beyond the predictability horizon."""
-    event: bool = False
-    """Whether it is the time of an event."""
+    follows: str | None = None  # metric from which it follows, and which is judged in its place
+    invariant: bool = False  # whether it is judged beyond the predictability horizon
+    event: bool = False  # whether it is the time of an event
     of: str = ""
     """Kind of its subjects: 'marker', 'angle', 'slide', 'moving' (coordinates and markers), 'stop',
     'closed stop' or 'joint'; '' the whole mechanism."""
-    of_files: bool = False
-    """Whether it is judged of files only: engines are not asked for it."""
+    of_files: bool = False  # whether it is judged of files only: engines are not asked for it
 
     def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names that a tolerance of it can be stated for."""

@@ -13,7 +13,7 @@ their slope, linearly. Two runs that are compared with each other are interpolat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from threading import Lock
@@ -35,7 +35,7 @@ from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
-from .metrics import SAME_END, THROWN, against, measure, points
+from .metrics import SAME_END, THROWN, against, launch_errors, measure, points
 from .process import TimeLimitError, Worker, all_in_order
 from .quantities import parse_label
 from .results import (
@@ -54,35 +54,23 @@ from .store import Store, conditions
 from .study import Study
 from .tolerances import Needs, is_table_one, judge
 
-GRID = 1000
-"""Intervals of the common grid."""
+GRID = 1000  # intervals of the common grid
+# Wall time [s] after which no repeat is made: a long run averages over disturbances by itself.
 _TIMED_FOR = 0.5
-"""Wall time [s] after which no repeat is made: a long run averages over disturbances by itself."""
-
 Positions = dict[str, tuple[tuple[Real, ...], tuple[Real, ...]]]
 
 
 class Curves(Spec):
     """Trajectory minus reference, on a uniform grid from 0 to the end of the compared motion."""
 
-    end: Real = Field(description="end of the compared motion [s]")
-    positions: Positions = Field(
-        description="x and y of each point of :func:`points` [m], each of GRID + 1 values"
-    )
-    torques: dict[str, tuple[Real, ...]] = Field(
-        description="of stops closed at the start [N m, N], on the grid"
-    )
-    force_units: dict[str, str] = Field(
-        default_factory=dict, description="of the torques; N m where left out"
-    )
-    energy: tuple[Real, ...] = Field(
-        description="total energy, of that at the start [J], on the grid"
-    )
-    release_times: dict[str, Real | None] = Field(
-        description="[s]; None where only one of the two releases"
-    )
-    launch_time: Real | None = Field(description="[s]; None where not both launch")
-    launch_speed: Real | None = Field(description="[m/s]; None where not both launch")
+    end: Real  # of the compared motion [s]
+    positions: Positions  # x and y of each point of :func:`points` [m], each of GRID + 1 values
+    torques: dict[str, tuple[Real, ...]]  # of stops closed at the start [N m, N], on the grid
+    force_units: dict[str, str] = Field(default_factory=dict)  # of the torques; N m if left out
+    energy: tuple[Real, ...]  # total energy, of that at the start [J], on the grid
+    release_times: dict[str, Real | None]  # [s]; None where only one of the two releases
+    launch_time: Real | None  # [s]; None where not both launch
+    launch_speed: Real | None  # [m/s]
 
     @property
     def t(self) -> FloatArray:
@@ -111,27 +99,20 @@ class RunRecord(Spec):
     engine: str
     preset: str
     engine_version: str
-    settings: dict[str, JsonValue] = Field(description="every option")
-    given_hash: str = Field(
-        description="of the mechanism that was simulated; error budgets perturb it"
-    )
-    outcome: Outcome = Field(
-        default=Outcome.NOT_JUDGED, description="NOT_JUDGED: the run came to its end"
-    )
-    message: str | None = Field(default=None, description="why it did not")
-    time_limit: Real | None = Field(default=None, description="at which it was stopped [s]")
+    settings: dict[str, JsonValue]  # every option
+    given_hash: str  # of the mechanism that was simulated; error budgets perturb it
+    outcome: Outcome = Outcome.NOT_JUDGED  # NOT_JUDGED: the run came to its end
+    message: str | None = None  # why it did not
+    time_limit: Real | None = None  # at which it was stopped [s]
     steps: Annotated[int, Field(ge=0)] = 0
-    wall_times: tuple[Real, ...] = Field(
-        default=(), description="of the whole simulate, warm, one a repeat [s]"
-    )
-    metrics: tuple[Metric, ...] = Field(default=(), description="without tolerances")
-    curves: Curves | None = Field(default=None, description="of sweeps that ask for them")
-    equality: Equality | None = Field(default=None, description="of compare only")
-    diagnosis: Diagnosis | None = Field(default=None, description="of compare only")
-    diagnosed_for: dict[str, Real] = Field(
-        default_factory=dict, description="tolerances that were exceeded, by label of the metric"
-    )
-    trajectory: str | None = Field(default=None, description="SHA-256 of the trajectory's file")
+    wall_times: tuple[Real, ...] = ()  # of the whole simulate, warm, one a repeat [s]
+    metrics: tuple[Metric, ...] = ()  # without tolerances
+    curves: Curves | None = None  # of sweeps that ask for them
+    equality: Equality | None = None  # of compare only, as are the next three
+    diagnosis: Diagnosis | None = None
+    diagnosed_for: dict[str, Real] = Field(default_factory=dict)
+    """Tolerances that were exceeded, by label of the metric."""
+    trajectory: str | None = None  # SHA-256 of the trajectory's file
 
     @property
     def ran(self) -> bool:
@@ -165,10 +146,13 @@ class RunRecord(Spec):
         update = {"outcome": outcome, "message": message, "time_limit": limit}
         return self.model_copy(update=update)
 
-    def timed(self, trajectory: Trajectory) -> RunRecord:
-        """Returns the record with the steps and the wall time of a run that came to its end."""
-        cost = trajectory.provenance
-        return self.model_copy(update={"steps": cost.steps, "wall_times": (cost.wall_time,)})
+    def measured(
+        self, trajectory: Trajectory, metrics: Iterable[Metric], curves: Curves | None = None
+    ) -> RunRecord:
+        """Returns the record of a run that came to its end, with its steps and its wall time."""
+        steps, wall_times = trajectory.provenance.steps, (trajectory.provenance.wall_time,)
+        update = {"steps": steps, "wall_times": wall_times, "curves": curves}
+        return self.model_copy(update={**update, "metrics": tuple(metrics)})
 
 
 def new_record(name: str, preset: str, engine: Engine, given: Mechanism) -> RunRecord:
@@ -208,7 +192,7 @@ def make(
         kept = curves_of(*compared, thrown=thrown) if curves else None
     except Exception as error:
         return record.failed(error)
-    return record.timed(run).model_copy(update={"metrics": tuple(metrics), "curves": kept})
+    return record.measured(run, metrics, kept)
 
 
 def curves_of(
@@ -232,8 +216,7 @@ def curves_of(
         else:
             columns = list(np.asarray(make_interp_spline(t, error, k=3)(np.minimum(grid, t[-1]))).T)
         positions[name] = tuple(columns[0].tolist()), tuple(columns[1].tolist())
-    torques: dict[str, tuple[float, ...]] = {}
-    units: dict[str, str] = {}
+    torques, units = dict[str, tuple[float, ...]](), dict[str, str]()
     releases: dict[str, float | None] = {}
     for stop in trajectory.mechanism.stops:
         if not stop.closed:
@@ -248,10 +231,7 @@ def curves_of(
     balance, kept = against(trajectory, solution, end, reference).balance
     launch = trajectory.launch(marker=thrown) if thrown in trajectory.markers else None
     due_launch = solution.launch_at(LAUNCH_ANGLE, thrown) if launch else None
-    launch_time, launch_speed = None, None
-    if launch is not None and due_launch is not None:
-        launch_time = launch.time - due_launch.time
-        launch_speed = launch.speed - due_launch.speed
+    launch_time, launch_speed = launch_errors(launch, due_launch)
     return Curves(
         end=end,
         force_units=units,
@@ -440,20 +420,17 @@ class RunErrors:
     small and smooth, is interpolated. The reference itself cancels in the difference of two errors.
     """
 
-    t: FloatArray
-    """[s], shape (n,)."""
-    errors: Mapping[str, FloatArray]
-    """Position of each marker minus the reference's [m], shape (n, 2)."""
+    t: FloatArray  # [s], shape (n,)
+    errors: Mapping[str, FloatArray]  # position of each marker [m], shape (n, 2)
     release_times: dict[str, float | None]
     launch: Launch | None
 
     @classmethod
     def of(cls, trajectory: Trajectory, reference: Trajectory, thrown: str = THROWN) -> RunErrors:
         """Errors of a trajectory against the reference at its times."""
-        errors = {
-            name: motion.position - reference.marker(name).position
-            for name, motion in trajectory.markers.items()
-        }
+        errors: dict[str, FloatArray] = {}
+        for name, motion in trajectory.markers.items():
+            errors[name] = motion.position - reference.marker(name).position
         launch = trajectory.launch(marker=thrown) if thrown in errors else None
         return cls(trajectory.t, errors, dict(trajectory.release_times), launch)
 
@@ -469,23 +446,22 @@ def pair_of(
         columns = [np.interp(t, fine.t, column) for column in fine.errors[name].T]
         difference = coarse.errors[name][: len(t)] - np.stack(columns, axis=1)
         distances.append(float(np.linalg.norm(difference, axis=1).max()))
-    # None where a stop has opened in one of the two alone
-    releases: list[float | None] = []
+    # Not comparable where a stop has opened in one of the two alone
+    releases, same_stops, latest = list[float](), True, end * (1 + SAME_END)
     for name, time in first.release_times.items():
-        other, latest = second.release_times.get(name), end * (1 + SAME_END)
+        other = second.release_times.get(name)
         if all(opened is None or opened > latest for opened in (time, other)):
             continue
         if time is None or other is None:
-            releases.append(None)
+            same_stops = False
         else:
             releases.append(abs(time - other))
-    known = [difference for difference in releases if difference is not None]
     speeds = [run.launch.speed for run in (first, second) if run.launch]
     return Pair(
         model=model,
         first=labels[0],
         second=labels[1],
         position_max=max(distances, default=None),
-        release_time_max=max(known, default=None) if len(known) == len(releases) else None,
+        release_time_max=max(releases, default=None) if same_stops else None,
         launch_speed=speeds[0] - speeds[1] if len(speeds) == 2 else None,
     )

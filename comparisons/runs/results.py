@@ -42,8 +42,7 @@ def _optional(default: Any, description: str) -> Any:
 class ResultFile(Spec):
     """A command's results: its format, where they were made, and then what the command adds."""
 
-    format: Any
-    """A literal in each command's own."""
+    format: Any  # a literal in each command's own
     trebucheck_version: str
     python_version: str
     platform: str
@@ -149,24 +148,15 @@ class Metric(OnSubject, Spec):
     """
 
     name: str
-    subject: str | None = Field(
-        default=None, description="marker, coordinate, stop or joint it is about"
-    )
+    subject: str | None = Field(default=None, description="marker, coordinate, stop or joint")
     value: Real | None
     unit: str
-    sampling_error: Real | None = _optional(
-        None, "what the samples leave unknown of it; added to the tolerance"
-    )
-    observed: bool = Field(
-        default=True, description="false: the engine does not tell it, or it is not determined"
-    )
-    follows: str | None = Field(
-        default=None, description="metric from which it follows; it has no verdict of its own"
-    )
+    sampling_error: Real | None = _optional(None, "of the samples; added to the tolerance")
+    observed: bool = Field(default=True, description="false: not told, or not determined")
+    follows: str | None = Field(default=None, description="metric that is judged in its place")
     tolerance: Real | None = None
     source: Literal["need", "claim", "default"] | None = Field(
-        default=None,
-        description="whose tolerance: the user's need, the engine's claim, or the default",
+        default=None, description="the user's need, the engine's claim, or the default"
     )
     reason: str | None = Field(default=None, description="where the tolerance comes from")
     note: str | None = None
@@ -194,9 +184,7 @@ class Check(OnSubject, Spec):
     """One quantity of the built model against the reference's equations, at the worst state."""
 
     name: str
-    subject: str | None = Field(
-        default=None, description="coordinate, body or stop in which it is worst"
-    )
+    subject: str | None = Field(default=None, description="coordinate, body or stop, the worst")
     value: Real | None = Field(description="None where the engine gave no number")
     unit: str
     tolerance: Real
@@ -235,35 +223,23 @@ class RankedCause(Spec):
         description="where it would have to be mended"
     )
     amount: str = Field(default="", description="how large it would have to be, in words")
-    explained: Real = Field(description="share of the deviation it accounts for, 1: all of it")
+    explained: Real = Field(description="share of the deviation, 1: all of it")
 
 
 class Diagnosis(Spec):
     """Where and how a run first parts from the reference, and what is likely to be wrong."""
 
     leads: str = Field(description="label of the figure that leaves its tolerance first")
-    parts_at: Real | None = Field(
-        default=None, description="when that happens [s]; None before any motion"
-    )
-    holding: tuple[str, ...] = Field(
-        default=(), description="stops that held in the reference at that time"
-    )
-    causes: tuple[RankedCause, ...] = Field(
-        default=(), description="the one that explains most first"
-    )
+    parts_at: Real | None = Field(default=None, description="[s]; None before any motion")
+    holding: tuple[str, ...] = Field(default=(), description="stops closed then, by the reference")
+    causes: tuple[RankedCause, ...] = Field(default=(), description="the likeliest first")
     likeliest: Annotated[int, Field(ge=0)] = Field(
         default=0,
-        description="how many of the causes, the first ones, account for enough of the deviation "
-        "to be named, and cannot be told apart by it; 0: the cause is unknown",
+        description="number of the first causes that account for enough of the deviation to be "
+        "named, and cannot be told apart by it; 0: the cause is unknown",
     )
-    motion_agrees: bool = Field(
-        default=False,
-        description="whether the motion follows the reference, so that only what is read from it "
-        "differs",
-    )
-    note: str = _optional(
-        "", "why no cause was looked for to the end; what leads is then what is worst"
-    )
+    motion_agrees: bool = Field(default=False, description="only what is read from it differs")
+    note: str = _optional("", "why no cause was looked for; what leads is then what is worst")
 
     @property
     def named(self) -> tuple[RankedCause, ...]:
@@ -305,25 +281,16 @@ class Run(OfEngine, Measured, Spec):
     time_limit: Real | None = _optional(None, "at which a run that timed out was stopped [s]")
     engine_version: str
     scheme: str = _optional("", "by which it integrates, as its study names it")
-    order: Real | None = _optional(
-        None, "power of the time step with which its error falls, as its study declares it"
-    )
+    order: Real | None = _optional(None, "power of the time step of its error, by its study")
     supplied: dict[str, str] | None = _optional(
-        None,
-        "what trebucheck does in the engine's place, by part, and of what; null: it does not say",
+        None, "what trebucheck does in its place, by part, and of what; null: it does not say"
     )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
-    wall_time: Real | None = Field(
-        default=None, description="of the whole simulate, first call warm [s]"
-    )
-    equality: Equality | None = Field(
-        default=None, description="None where the engine never came to be built"
-    )
+    wall_time: Real | None = Field(default=None, description="of the whole simulate, warm [s]")
+    equality: Equality | None = Field(default=None, description="None where nothing was built")
     metrics: tuple[Metric, ...] = ()
-    diagnosis: Diagnosis | None = Field(
-        default=None, description="of a run that failed its gate or a tolerance"
-    )
+    diagnosis: Diagnosis | None = Field(default=None, description="of a failed check or tolerance")
 
     @model_validator(mode="before")
     @classmethod
@@ -341,9 +308,7 @@ class Pair(Spec):
     model: str
     first: str
     second: str
-    position_max: Real | None = Field(
-        description="largest of all markers [m]; None without a marker"
-    )
+    position_max: Real | None = Field(description="of all markers [m]; None without a marker")
     release_time_max: Real | None = Field(description="[s]; None if not the same stops opened")
     launch_speed: Real | None = Field(description="[m/s]; None if one of them does not launch")
 
@@ -352,12 +317,9 @@ class Predictability(Spec):
     """Growth of errors up to some times: in parts of scales, per part of what is wrong."""
 
     times: tuple[Real, ...] = Field(description="[s]")
-    parameters: tuple[Real | None, ...] = Field(
-        description="by inertias and force elements; null: without limit"
-    )
-    start: tuple[Real | None, ...] = Field(
-        description="by coordinates and speeds at the start; null: without limit"
-    )
+    # By inertias and force elements, and by coordinates and speeds at the start
+    parameters: tuple[Real | None, ...] = Field(description="null: without limit")
+    start: tuple[Real | None, ...] = Field(description="null: without limit")
 
 
 class SingularPosition(Spec):
@@ -365,12 +327,8 @@ class SingularPosition(Spec):
 
     time: Real = Field(description="[s]")
     time_uncertainty: Real = Field(description="[s]")
-    uncertainty: Real = Field(
-        description="of the coordinates behind it, as parts of the longest arm"
-    )
-    lost: Annotated[int, Field(ge=1)] = Field(
-        description="number of constraints that depend on the others there"
-    )
+    uncertainty: Real = Field(description="of coordinates behind it, of the longest arm")
+    lost: Annotated[int, Field(ge=1)] = Field(description="constraints that depend on the others")
 
 
 class Machine(Spec):
@@ -381,40 +339,28 @@ class Machine(Spec):
     mechanism_hash: str
     table_one: bool = Field(description="whether it is the paper's Table I machine")
     stop_law: StopLaw = Field(default=StopLaw.RELEASE_ONCE, description="that the stops follow")
-    compared_to: Real = Field(
-        description="end of the compared motion: the launch, or the duration [s]"
-    )
-    judged_to: Real = Field(
-        description="the end, or the predictability horizon if that is earlier [s]"
-    )
-    stretching: Real = Field(
-        description="relative displacement of the motion up to there per change of inertia"
-    )
+    compared_to: Real = Field(description="end of the motion: the launch, or the duration [s]")
+    judged_to: Real = Field(description="that, or the predictability horizon if earlier [s]")
+    stretching: Real = Field(description="displacement up to there per change of inertia")
     predictability: Predictability | None = None
     scales: Scales
-    whole_scales: Scales | None = Field(
-        default=None,
-        description="of the motion to the end, where invariants are judged beyond the horizon",
-    )
-    needs: dict[str, str] = Field(
-        default_factory=dict, description="the user's tolerances, as they were stated"
-    )
+    whole_scales: Scales | None = Field(default=None, description="to the end, for invariants")
+    needs: dict[str, str] = Field(default_factory=dict, description="tolerances, as stated")
     thrown: str = Field(description="marker whose launch is measured")
     launch_time: Real | None
     launch_speed: Real | None
-    impacts: Annotated[int, Field(ge=0)] = Field(
-        description="of the reference within the compared motion"
-    )
+    impacts: Annotated[int, Field(ge=0)] = Field(description="of the reference, to the end")
     reference_uncertainty: dict[str, Real] = Field(
-        default_factory=dict,
-        description="of the reference, by the metric it enters, in the metric's unit",
+        default_factory=dict, description="by the metric it enters, in the metric's unit"
     )
     uncertainty_source: str = Field(default="unknown", description="certificate, or estimate")
-    singular_positions: tuple[SingularPosition, ...] = Field(
-        default=(), description="that the reference passes"
-    )
+    singular_positions: tuple[SingularPosition, ...] = ()  # that the reference passes
     release_times: dict[str, Real | None]
     start_torques: dict[str, Real]
+
+    def scales_for(self, *, invariant: bool) -> Scales:
+        """Scales of the judged motion; of the whole one for what is judged beyond the horizon."""
+        return (self.whole_scales if invariant else None) or self.scales
 
 
 class Results(ResultFile):
@@ -433,17 +379,14 @@ class Results(ResultFile):
     @property
     def passed(self) -> bool:
         """Tell whether no run disagrees, differs or fails, and something was judged."""
-        bad = (Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, *FAILURES)
-        return all(run.outcome not in bad for run in self.runs) and any(
-            run.judged for run in self.runs
-        )
+        bad = {Outcome.DISAGREES, Outcome.NOT_EQUIVALENT, *FAILURES}
+        broken = bad & {run.outcome for run in self.runs}
+        return not broken and any(run.judged for run in self.runs)
 
 
+# Outcomes of runs that did not come to an end, and of those whose motion was compared
 FAILURES = (Outcome.FAILED, Outcome.TIMED_OUT)
-"""Outcomes of runs that did not come to an end."""
-
 COMPARED = (Outcome.AGREES, Outcome.DISAGREES, Outcome.NOT_JUDGED)
-"""Outcomes of runs whose motion was compared."""
 
 
 def verdict_on(metrics: tuple[Metric, ...]) -> Outcome:

@@ -33,7 +33,7 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Uncertainties, certified, covering_certificate
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from .metrics import measure, points
+from .metrics import launch_errors, measure, points
 from .process import TimeLimitError, Worker
 from .quantities import QUANTITIES, parse_label
 from .results import Metric, Outcome, Predictability
@@ -54,9 +54,8 @@ def refuse_invalid(
         SimulationError: the sentence says what is wrong with it.
     """
     if not isinstance(trajectory, Trajectory):
-        raise SimulationError(
-            f"{engine} gave a {type(trajectory).__name__} instead of a Trajectory."
-        )
+        kind = type(trajectory).__name__
+        raise SimulationError(f"{engine} gave a {kind} instead of a Trajectory.")
     fault = next(_faults(trajectory, mechanism, capabilities), None)
     if fault is not None:
         raise SimulationError(f"{engine} gave an invalid trajectory: {fault}.")
@@ -190,11 +189,8 @@ def reference_uncertainties(
         scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
     )  # fmt: skip
     # The launch is that of the solution itself, instead of that of its samples.
-    launches = [motion.launch_at(LAUNCH_ANGLE, thrown) for motion in (coarse, solution)]
-    launch: dict[str, float] = {}
-    if launches[0] is not None and launches[1] is not None:
-        launch["launch_time"] = launches[0].time - launches[1].time
-        launch["launch_speed"] = launches[0].speed - launches[1].speed
+    launches = (motion.launch_at(LAUNCH_ANGLE, thrown) for motion in (coarse, solution))
+    launch = dict(zip(("launch_time", "launch_speed"), launch_errors(*launches), strict=True))
     parted = any(metric.name == "first_parting" and metric.value is not None for metric in metrics)
     estimated: dict[str, float] = {}
     for measured in metrics:
@@ -203,8 +199,8 @@ def reference_uncertainties(
         left_out = metric.name in ("missing_time", "first_parting")
         if left_out or (metric.name == "base_error" and not parted):
             continue
-        if metric.name in ("launch_time", "launch_speed"):
-            metric = metric.model_copy(update={"value": launch.get(metric.name)})
+        if metric.name in launch:
+            metric = metric.model_copy(update={"value": launch[metric.name]})
         rounded = scales.largest_energy
         if QUANTITIES[metric.name].scale != "energy":
             rounded = QUANTITIES[metric.name].scale_of(scales, metric.subject, mechanism)
@@ -231,14 +227,10 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
 class Farthest:
     """Where and when a run is farthest from the reference."""
 
-    point: str
-    """Marker, or body of a mechanism without markers."""
-    distance: float
-    """[m]"""
-    time: float
-    """[s]"""
-    until: float
-    """End of the compared time [s]: that of the motion, or the predictability horizon."""
+    point: str  # marker, or body of a mechanism without markers
+    distance: float  # [m]
+    time: float  # [s]
+    until: float  # end of the compared time [s]: of the motion, or the predictability horizon
 
 
 def farthest(trajectory: Trajectory, runner: Runner) -> Farthest:
@@ -445,8 +437,7 @@ class Runner:
         """
         problem, longest = self.problem(engine, given), self.solution.problem.duration
         trajectory = self.worker.simulate(engine, problem)
-        mechanism = given or self.mechanism
-        valid = refuse_invalid(engine.name, trajectory, mechanism, engine.capabilities)
+        valid = refuse_invalid(engine.name, trajectory, problem.mechanism, engine.capabilities)
         if valid.t[-1] > longest:
             to = f"it goes on to {valid.t[-1]:.6g} s, and {problem.duration:.6g} s was asked for"
             raise SimulationError(f"{engine.name} gave an invalid trajectory: {to}.")

@@ -28,35 +28,28 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 
 _SAMPLES = 801
-_LONGEST = 10.0
-"""Longest characteristic time in parts of the end, for motions that hardly move."""
-_LEAST = 1e-6
-"""Least speed and force in parts of those that gravity gives: a swing of 0.001 degrees."""
+_LONGEST = 10.0  # characteristic time in parts of the end, for motions that hardly move
+_LEAST = 1e-6  # speed and force in parts of those that gravity gives: a swing of 0.001 degrees
+# The same, times the least singular value of the constraints, with lengths in parts of the size. A
+# position that constraints hold is known to four roundings of the size over that value. In a step
+# of 1e-4 of the characteristic time, the shortest that is usual, this makes 1e-11 of the speed that
+# gravity gives, which is a thousandth of this least speed: what is judged by default. A wall that
+# is nearly parallel to the motion that it stops has such small values.
 _LEAST_HELD = 1e-8
-"""The same, times the least singular value of the constraints, with lengths in parts of the size.
-
-A position that constraints hold is known to four roundings of the size over that value. In a step
-of 1e-4 of the characteristic time, the shortest that is usual, this makes 1e-11 of the speed that
-gravity gives, which is a thousandth of this least speed: what is judged by default. A wall that is
-nearly parallel to the motion that it stops has such small values.
-"""
 _DEPENDENT = 1e-6  # of constraints with a smaller singular value some follow from the others
 _IN_A_SEGMENT = 9  # positions in which they are computed
 _BESIDE = 0.1  # characteristic times
 _SHORTEST = 1e-9  # characteristic times: an end before that has no speed of its own
-_LEAST_ENERGY = 1e-9
-"""Least energy in parts of the sum of energies: a thousandth of it is well above rounding."""
-_LEAST_TORQUE = 1e-3
-"""Least torque of a stop in parts of the largest force times the size: one that never pushes."""
+_LEAST_ENERGY = 1e-9  # of the sum of energies: a thousandth of it is well above rounding
+_LEAST_TORQUE = 1e-3  # of the largest force times the size: of a stop that never pushes
 
 
 class Scales(Spec):
     """Scales of one mechanism and its reference motion, up to the end of the comparison."""
 
-    length: Positive = Field(
-        description="sum of lengths of bodies and of slides on bodies; the farthest way along a "
-        "slide on the ground, or the greatest length of a spring on a free body, if longer [m]"
-    )
+    # The farthest way along a slide on the ground, or the greatest length of a spring on a free
+    # body, if that is longer
+    length: Positive = Field(description="sum of lengths of bodies and of slides on bodies [m]")
     angle: Positive = Field(default=1.0, description="[rad]")
     time: Positive = Field(
         description="characteristic time: least of length over speed, sqrt(length / gravity), "
@@ -67,18 +60,10 @@ class Scales(Spec):
         description="largest of any body, or speed over length if more [rad/s]"
     )
     mass: Positive = Field(description="of all bodies [kg]")
-    force: Positive = Field(
-        description="largest force of any joint, of a stop on a point or of springs on a body [N]"
-    )
-    torques: dict[str, Positive] = Field(
-        description="largest of each stop [N m, or N of one on a point]"
-    )
-    energy: Positive = Field(
-        description="largest kinetic energy plus largest change of potential energy [J]"
-    )
-    largest_energy: NonNegative = Field(
-        description="largest kinetic and potential energies, whatever their zero [J]"
-    )
+    force: Positive = Field(description="largest of any joint, point stop, or body's springs [N]")
+    torques: dict[str, Positive] = Field(description="largest of each stop [N m, N on a point]")
+    energy: Positive = Field(description="largest kinetic, plus change of potential [J]")
+    largest_energy: NonNegative = Field(description="largest energies, whatever their zero [J]")
 
 
 def size(mechanism: Mechanism) -> float:

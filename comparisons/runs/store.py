@@ -34,12 +34,9 @@ _FAMILY = re.compile(rb"^\s*(?:from|import)\s+(trebucheck_\w+)", re.MULTILINE)
 class _Kept(Spec, Generic[_S]):
     """A record as it is on disk."""
 
-    conditions: str
-    """SHA-256 of everything that made the content, :func:`conditions`."""
-    checksum: str
-    """SHA-256 of the content."""
-    jobs: int = 1
-    """Runs made at once when its times were taken."""
+    conditions: str  # SHA-256 of everything that made the content, :func:`conditions`
+    checksum: str  # SHA-256 of the content
+    jobs: int = 1  # runs made at once when its times were taken
     content: _S
 
 
@@ -60,16 +57,13 @@ class Store:
     """
 
     folder: Path
-    resume: bool = False
-    """Use finished runs again."""
-    records: Path | None = None
-    """Folder of what was measured of the runs; None: that is not kept."""
+    resume: bool = False  # use finished runs again
+    records: Path | None = None  # folder of what was measured of the runs; None: that is not kept
+    # Names of runs used again, and made now
     taken: set[str] = field(default_factory=set[str], init=False, compare=False)
-    """Names of runs used again."""
     made: set[str] = field(default_factory=set[str], init=False, compare=False)
-    """Names of runs made now."""
+    # Number of runs made at once when a run was timed that was taken or kept, by its name
     jobs: dict[str, int] = field(default_factory=dict[str, int], init=False, compare=False)
-    """Number of runs made at once when a run was timed that was taken or kept, by its name."""
 
     @property
     def tally(self) -> str | None:

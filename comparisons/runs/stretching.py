@@ -45,21 +45,16 @@ from ...reference.solver import TOLERANCE, solve
 from .results import Metric
 from .scales import Scales, away_from_poles, extent, scales_until
 
+# Part of a scale by which motions differ that have parted: the default tolerance. It is three
+# digits, as fine as a plot shows and finer than most machines' masses are known.
 PARTED = 1e-3
-"""Part of a scale by which motions differ that have parted: the default tolerance.
-
-It is three digits, as fine as a plot shows and finer than most machines' masses are known."""
+# Growth beyond which nothing is judged but invariants and the time of first parting. A
+# hundred-thousandth of a body's inertia, less than any is known to, then moves something by the
+# default tolerance.
 LIMIT = 100.0
-"""Growth beyond which nothing is judged but invariants and the time of first parting.
-
-A hundred-thousandth of a body's inertia, less than any is known to, then moves something by the
-default tolerance."""
-START_LIMIT = 1000.0
-"""Limit for errors of the start, which engines take over exactly: ten times as large."""
-REGULAR = 2.5
-"""Regular growth in a characteristic time: a pendulum has 0.5 (a point mass) to 1.5 (a rod)."""
-_CHANGE = 1e-6
-"""Change of a body's inertia, in m l^2; of an angle, a slide or a speed, in its scale."""
+START_LIMIT = 1000.0  # for errors of the start, which engines take over exactly
+REGULAR = 2.5  # growth in a characteristic time: a pendulum has 0.5 (a point mass) to 1.5 (a rod)
+_CHANGE = 1e-6  # of a body's inertia, in m l^2; of an angle, a slide or a speed, in its scale
 _TOLERANCE = 1e-9  # of the integrations: a thousandth of what the change moves
 _KNOWN = 1e-4  # of a scale: if the reference is known no better, nothing is judged any more
 _SAMPLES = 400
@@ -78,16 +73,11 @@ class Stretching:
     It never decreases, and is infinite from where a changed mechanism could not be moved.
     """
 
-    t: FloatArray
-    """[s], from the start to the end of the compared motion."""
-    parameters: FloatArray
-    """Growth by inertia, and by the numbers of force elements."""
-    start: FloatArray
-    """Growth in the configuration alone, by coordinates and speeds at the start."""
-    rounding: FloatArray
-    """Estimated error of the reference's own integration, in parts of scales."""
-    allowed: FloatArray
-    """Most that is predictable at each time, of parameters; of the start in proportion."""
+    t: FloatArray  # [s], from the start to the end of the compared motion
+    parameters: FloatArray  # growth by inertia, and by the numbers of force elements
+    start: FloatArray  # growth in the configuration alone, by coordinates and speeds at the start
+    rounding: FloatArray  # estimated error of the reference's own integration, in parts of scales
+    allowed: FloatArray  # most that is predictable, of parameters; of the start in proportion
 
     @property
     def largest(self) -> FloatArray:

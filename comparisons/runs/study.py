@@ -46,12 +46,9 @@ class Until:
     """The end of a compared motion."""
 
     kind: Literal["launch", "time", "release"] = "launch"
-    time: float = math.nan
-    """[s], of kind 'time'."""
-    name: str = ""
-    """Marker or stop; '' is the marker that machines throw."""
-    required: bool = True
-    """Whether a motion without that event is refused, or compared for a characteristic time."""
+    time: float = math.nan  # [s], of kind 'time'
+    name: str = ""  # marker or stop; '' is the marker that machines throw
+    required: bool = True  # False: without that event it is compared for a characteristic time
 
     @classmethod
     def of(cls, given: str | float | None) -> Self:
@@ -151,19 +148,15 @@ Progress = Callable[[str, int, int], None]
 
 
 class _HowRun(TypedDict, total=False):
-    parameters: Spec | None
-    """Parameters of the models given by name; their defaults if left out."""
+    parameters: Spec | None  # of the models given by name; their defaults if left out
     stop_law: StopLaw | str | None
     """'release-once' or 'unilateral'; a problem's own, else 'release-once', if left out."""
-    store: Store | None
-    """Where finished runs are kept, and taken from again if asked."""
+    store: Store | None  # where finished runs are kept, and taken from again if asked
     isolate: bool
     """Simulate in a process of its own, so that an engine's crash costs only its run; true if left
     out."""
-    timeout: float
-    """Longest wait for one run [s]."""
-    jobs: int
-    """Processes at once; 1 if left out."""
+    timeout: float  # longest wait for one run [s]
+    jobs: int  # processes at once; 1 if left out
     progress: Progress | None
     """Called before each part with what it is, the number of parts done and of all parts."""
 
@@ -196,33 +189,23 @@ class Study:
         InputError: a name or a value is not valid, or a list is empty.
     """
 
+    # Names of machines or of the library's problems, mechanisms, or problems. The last of several
+    # with one name is taken. A problem brings its own end and its own law.
     models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling")
-    """Names of machines or of the library's problems, mechanisms, or problems.
-
-    The last of several with one name is taken. A problem brings its own end and its own law."""
-    engines: Iterable[str] | None = None
-    """Names; None: every known engine. Those not installed become rows that say so."""
+    engines: Iterable[str] | None = None  # names; None: every known engine, installed or not
     presets: Iterable[str] = PRESETS
-    parameters: Spec | None = None
-    """Parameters of the named machines; None: their defaults."""
+    parameters: Spec | None = None  # of the named machines; None: their defaults
+    # Over the presets': for all engines that have them, or for one ('mujoco.solref')
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
-    """Options over the presets': for all engines that have them, or for one ('mujoco.solref')."""
-    stop_law: StopLaw | str | None = None
-    """None: a problem's own; of what is no problem, release-once."""
+    stop_law: StopLaw | str | None = None  # None: a problem's own, else release-once
+    # End of the compared motion, as for :meth:`Until.of`; None: a problem's, else a launch
     until: str | float | None = None
-    """End of the compared motion, as for :meth:`Until.of`; None: a problem's, else a launch."""
-    tolerances: Mapping[str, float | str] | None = None
-    """Needs by quantity, as :meth:`.tolerances.Needs.of` reads them."""
-    store: Store | None = None
-    """Where finished runs are kept; None: nowhere."""
-    isolate: bool = True
-    """Simulate in a process of its own, so that an engine's crash costs only its row."""
-    diagnose: bool = True
-    """Look for the causes of exceeded tolerances; of comparisons only."""
-    timeout: float = 600.0
-    """Longest wait for one isolated run [s]."""
-    jobs: int = 1
-    """Processes at once; wall times then include what runs cost each other, and results say so."""
+    tolerances: Mapping[str, float | str] | None = None  # as :meth:`.tolerances.Needs.of` reads
+    store: Store | None = None  # where finished runs are kept; None: nowhere
+    isolate: bool = True  # in a process of its own: an engine's crash costs only its row
+    diagnose: bool = True  # look for the causes of exceeded tolerances; of comparisons only
+    timeout: float = 600.0  # longest wait for one isolated run [s]
+    jobs: int = 1  # processes at once: wall times include what runs cost each other
     progress: Progress | None = None
 
     @classmethod

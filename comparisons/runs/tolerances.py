@@ -31,7 +31,7 @@ from ...reference.certification.certificate import REFUSED_BELOW, refusal
 from ...reference.solver import solve_to_launch
 from .impacts import FOLLOWED
 from .metrics import THROWN
-from .quantities import QUANTITIES, MetricKind, judged_quantity, metric_label
+from .quantities import QUANTITIES, MetricKind, judged_quantity
 from .results import Machine, Metric, Run
 from .scales import Scales, scales_until
 from .stretching import PARTED, stretching_at
@@ -39,14 +39,11 @@ from .stretching import PARTED, stretching_at
 DEFAULT = PARTED
 """Default tolerance in parts of the scale."""
 _EVERYTHING = "default"
-_LOCATES = ("locate_releases", "located_releases")
-"""Options by which engines locate events."""
-_OTHER_MACHINES = 10.0
-"""Allowance for a machine other than Table I of a tolerance in plain units."""
+_LOCATES = ("locate_releases", "located_releases")  # options by which engines locate events
+_OTHER_MACHINES = 10.0  # allowance beside Table I for a tolerance in plain units
+# Safety factor for claims extrapolated from Table I, beyond size, step and growth of errors. It is
+# calibrated on random mechanisms with late launches or long rests; the default bounds it.
 _CARRIED = 100.0
-"""Safety factor for claims extrapolated from Table I, beyond size, step and growth of errors.
-
-It is calibrated on random mechanisms with late launches or long rests; the default bounds it."""
 Source = Literal["need", "claim", "default"]
 
 
@@ -60,11 +57,9 @@ class ToleranceFile(Spec):
 class Need:
     """One tolerance stated by a user."""
 
-    value: float
-    """Value in the metric's unit, or in parts of its scale."""
+    value: float  # in the metric's unit, or in parts of its scale
     relative: bool
-    text: str
-    """The tolerance as it was stated."""
+    text: str  # as it was stated
 
     @classmethod
     def of(cls, name: str, given: float | str) -> Self:
@@ -90,12 +85,11 @@ class Need:
 class Needs:
     """All tolerances that a user states."""
 
+    # By name of the metric and its subject; None: any subject
     by_quantity: Mapping[tuple[str, str | None], Need] = field(
         default_factory=dict[tuple[str, str | None], Need]
     )
-    """Needs by name of the metric and its subject; None: any subject."""
-    default: Need | None = None
-    """Need in place of the default of every engine."""
+    default: Need | None = None  # in place of the default of every engine
 
     @classmethod
     def of(cls, given: Mapping[str, float | str] | None) -> Self:
@@ -171,8 +165,7 @@ class Needs:
 class AppliedTolerance:
     """A tolerance of one metric of a run."""
 
-    value: float
-    """Value in the metric's unit."""
+    value: float  # in the metric's unit
     source: Source
     reason: str
 
@@ -182,8 +175,7 @@ class StatedTolerance:
     """An engine's own tolerance at its step, as it is stated: for Table I."""
 
     stated: Tolerance
-    value: float
-    """Value in the metric's unit, or in multiples of the stop's torque if stated `per` one."""
+    value: float  # in the metric's unit, or in multiples of the stop's torque if stated `per` one
     reason: str
 
 
@@ -254,14 +246,11 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
         return metric.model_copy(update={"source": "need"}) if needs.need(metric) else metric
     if quantity.follows is not None:
         return metric.model_copy(update={"follows": quantity.follows})
-    scales = machine.scales
-    if quantity.invariant and machine.whole_scales is not None:
-        scales = machine.whole_scales
+    scales = machine.scales_for(invariant=quantity.invariant)
     scale = quantity.scale_of(scales, metric.subject, machine.mechanism)
     applied = _applied(metric, quantity, scale, run, machine, needs)
     known = machine.reference_uncertainty
-    label = metric_label(metric.name, metric.subject)
-    uncertainty = known.get(label, known.get(metric.name))
+    uncertainty = known.get(metric.label, known.get(metric.name))
     unknown = uncertainty or 0.0
     # A claim is raised to what the reference vouches for, up to the default.
     least = REFUSED_BELOW * unknown

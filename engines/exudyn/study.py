@@ -8,32 +8,15 @@ from typing import Any
 from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
-from ..study import (
-    HALF_THE_STEP,
-    STOCK_SET,
-    TUNED_SET,
-    Cause,
-    ConstraintKinds,
-    EngineStudy,
-    Intervention,
-    OptionSet,
-    Refinement,
-    StepOrder,
-    SweptParameter,
-    Tolerance,
-    filled_template,
-    geometric,
-    multiplied,
-    time_step_cause,
-    with_readout,
-)
+from .. import study
+from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 
 PYTHON = "Exudyn in Python"
 _REFINEMENT = 4
 """Refinement of the step for the base, whose remaining error (1/16) is accounted for."""
 
 
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
     # Constraints on positions (index 3) have noise in their multipliers that grows as 1/h^2, and
     # ring after each restart: a shorter step and a located release would bring in errors that the
     # run itself does not have.
@@ -44,7 +27,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
         "newton_absolute": min(1e-9, settings["newton_absolute"]),
         "modified_newton": False,
     }
-    return with_readout(
+    return study.with_readout(
         Cause("integrator",
               "generalized-alpha's damping, and joints held in their positions (index 3)",
               Intervention({"integrator": "trapezoidal-index-2"})),
@@ -61,83 +44,76 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
               "with every step", Intervention(filtered_torques=True), after=first),
         # The trapezoidal rule is of second order; with a release at a step's end the run as a whole
         # is not.
-        time_step_cause(finer, leaves=math.pow(_REFINEMENT, -2), after=then),
+        study.time_step_cause(finer, leaves=math.pow(_REFINEMENT, -2), after=then),
     )  # fmt: skip
 
 
-_SWEPT = (
-    SweptParameter(
-        name="newton_relative", title="Newton's relative tolerance", unit="1",
-        values=geometric(1e-2, 1e-14, 7),
-        options=lambda tolerance: {"newton_relative": tolerance}, base={"timestep": 1e-3},
-        without={"newton_relative": 1e-15},
-        why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
-            "iteration is made",
-    ),
-    SweptParameter(
-        name="spectral_radius", title="dissipation (1 - rho) / (1 + rho) of generalised alpha",
-        unit="1", values=geometric(1, 1e-2, 7),
-        options=lambda d: {"spectral_radius": (1.0 - d) / (1.0 + d)}, expected=2.0, preset="stock",
-        base={"timestep": 1e-3}, without={"spectral_radius": 1 - 1e-6},
-        why="being of second order, the rule has no term linear in the dissipation; "
-            "beta = (1 + it)^2 / 4 has a square",
-    ),
-    SweptParameter(
-        name="stop_stiffness", title="stiffness k of penalty stops", unit="N m/rad",
-        values=geometric(1e8, 1e12, 9),
-        options=lambda k: {"stop_stiffness": k}, expected=-1.0, base={"timestep": 1e-3},
-        without={"stop_stiffness": None}, why="a spring gives way by torque / k",
-    ),
-)  # fmt: skip
-
-_REFINEMENTS = (
-    HALF_THE_STEP,
-    Refinement("Newton's tolerance", "a hundredth of Newton's relative tolerance",
-               multiplied("newton_relative", 0.01)),
-    Refinement("Newton's tolerance", "a hundredth of Newton's absolute tolerance",
-               multiplied("newton_absolute", 0.01)),
-    Refinement("softness of the stops", "twice the stops' stiffness",
-               multiplied("stop_stiffness", 2.0)),
-)  # fmt: skip
-
-_OPTION_SETS = (
-    STOCK_SET,
-    OptionSet("index 2", "stock, with the trapezoidal rule of index 2", "stock",
-              {"integrator": "trapezoidal-index-2"}),
-    OptionSet("tight Newton", "the same, with a full Newton iteration to 1e-12", "tuned",
-              {"locate_releases": False}),
-    TUNED_SET,
-)  # fmt: skip
-
 _NEED = "second order: trapezoidal rule, index 2"
-_TOLERANCES = (
-    Tolerance("tuned", "position_max", 1e-5, 1e-4, 2, _NEED),
-    Tolerance("tuned", "stop_torque_max", 2e-3, 1e-4, 2, _NEED),
-    Tolerance("tuned", "release_time", 1e-7, 1e-4, 2, _NEED),
-    Tolerance("tuned", "energy_balance", 0.2, 1e-4, 2, f"1e-6 of the energy at the start; {_NEED}"),
-)
-
-_STEP_ORDERS = {
-    "tuned": StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
-    "stock": StepOrder(
-        2.0, "generalised alpha is of second order in positions; its releases are at a step's end",
-        "generalised alpha, index 3",
-    ),
-}  # fmt: skip
 
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
     values = {"options": engine, "end": duration, "points": bool(mechanism.point_stops)}
-    return {PYTHON: filled_template(__name__, "exudyn.py.j2", **values)}
+    return {PYTHON: study.filled_template(__name__, "exudyn.py.j2", **values)}
 
 
-STUDY = EngineStudy(
+STUDY = study.EngineStudy(
     causes=_causes,
-    swept_parameters=_SWEPT,
-    step_orders=_STEP_ORDERS,
-    refinements=_REFINEMENTS,
-    option_sets=_OPTION_SETS,
-    tolerances=_TOLERANCES,
+    swept_parameters=(
+        SweptParameter(
+            name="newton_relative", title="Newton's relative tolerance", unit="1",
+            values=study.geometric(1e-2, 1e-14, 7),
+            options=lambda tolerance: {"newton_relative": tolerance}, base={"timestep": 1e-3},
+            without={"newton_relative": 1e-15},
+            why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
+                "iteration is made",
+        ),
+        SweptParameter(
+            name="spectral_radius", title="dissipation (1 - rho) / (1 + rho) of generalised alpha",
+            unit="1", values=study.geometric(1, 1e-2, 7),
+            options=lambda d: {"spectral_radius": (1.0 - d) / (1.0 + d)}, expected=2.0,
+            preset="stock", base={"timestep": 1e-3}, without={"spectral_radius": 1 - 1e-6},
+            why="being of second order, the rule has no term linear in the dissipation; "
+                "beta = (1 + it)^2 / 4 has a square",
+        ),
+        SweptParameter(
+            name="stop_stiffness", title="stiffness k of penalty stops", unit="N m/rad",
+            values=study.geometric(1e8, 1e12, 9),
+            options=lambda k: {"stop_stiffness": k}, expected=-1.0, base={"timestep": 1e-3},
+            without={"stop_stiffness": None}, why="a spring gives way by torque / k",
+        ),
+    ),
+    step_orders={
+        "tuned": study.StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
+        "stock": study.StepOrder(
+            2.0,
+            "generalised alpha is of second order in positions; its releases are at a step's end",
+            "generalised alpha, index 3",
+        ),
+    },
+    refinements=(
+        study.HALF_THE_STEP,
+        Refinement("Newton's tolerance", "a hundredth of Newton's relative tolerance",
+                   study.multiplied("newton_relative", 0.01)),
+        Refinement("Newton's tolerance", "a hundredth of Newton's absolute tolerance",
+                   study.multiplied("newton_absolute", 0.01)),
+        Refinement("softness of the stops", "twice the stops' stiffness",
+                   study.multiplied("stop_stiffness", 2.0)),
+    ),
+    option_sets=(
+        study.STOCK_SET,
+        OptionSet("index 2", "stock, with the trapezoidal rule of index 2", "stock",
+                  {"integrator": "trapezoidal-index-2"}),
+        OptionSet("tight Newton", "the same, with a full Newton iteration to 1e-12", "tuned",
+                  {"locate_releases": False}),
+        study.TUNED_SET,
+    ),
+    tolerances=(
+        Tolerance("tuned", "position_max", 1e-5, 1e-4, 2, _NEED),
+        Tolerance("tuned", "stop_torque_max", 2e-3, 1e-4, 2, _NEED),
+        Tolerance("tuned", "release_time", 1e-7, 1e-4, 2, _NEED),
+        Tolerance("tuned", "energy_balance", 0.2, 1e-4, 2,
+                  f"1e-6 of the energy at the start; {_NEED}"),
+    ),
     snippets=_snippets,
     colour="#009E73",
-)
+)  # fmt: skip

@@ -9,28 +9,8 @@ from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
 from ...models.mjcf.variants import POINT_INERTIA
-from ..study import (
-    HALF_THE_STEP,
-    REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
-    Cause,
-    ConstraintKinds,
-    EngineStudy,
-    Intervention,
-    Options,
-    OptionSet,
-    Refinement,
-    StepOrder,
-    SweptParameter,
-    Tolerance,
-    filled_template,
-    geometric,
-    multiplied,
-    same_value,
-    time_step_cause,
-    with_readout,
-)
+from .. import study
+from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
@@ -39,8 +19,8 @@ _SEEN_INERTIA = 1e-6
 _SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
 
 
-def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / REFINEMENT}
+def _causes(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, ...]:
+    finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / study.REFINEMENT}
     if settings["solref"] is None:  # it would follow the step
         finer["solref"] = _stiffest(settings, constraints)
     tighter: dict[str, JsonValue] = {
@@ -62,7 +42,7 @@ def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
               Intervention({"locate_releases": True})),
         Cause("integrator", "the rule of a step, of first order but for RK4",
               Intervention({"integrator": "RK4"})),
-        time_step_cause(finer),
+        study.time_step_cause(finer),
         Cause("point inertia",
               f"MuJoCo wants an inertia of every body: point masses have {POINT_INERTIA:g} kg m²",
               scaling=Intervention(
@@ -78,17 +58,19 @@ def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
         )
         moving_points = Cause("moving points", text, Intervention({"moving_points": True}))
         causes = (moving_points, *causes)
-    return with_readout(*causes)
+    return study.with_readout(*causes)
 
 
-def _stiffest(settings: Any, constraints: ConstraintKinds, refinement: int = 1) -> list[JsonValue]:
+def _stiffest(
+    settings: Any, constraints: study.ConstraintKinds, refinement: int = 1
+) -> list[JsonValue]:
     """The stiffest constraints that a finer step can bear; points are held exactly by then."""
     step = float(settings["timestep"]) / refinement
     exact = {**settings, "solref": None, "moving_points": True, "timestep": step}
     return [*effective_solref(exact, constraints)]
 
 
-def _softness(settings: Any, constraints: ConstraintKinds) -> Cause:
+def _softness(settings: Any, constraints: study.ConstraintKinds) -> Cause:
     """Softness: an error of (1 - d) tc^2, d impedance, tc time constant."""
     name = "constraint softness"
     text = (
@@ -97,51 +79,22 @@ def _softness(settings: Any, constraints: ConstraintKinds) -> Cause:
     )
     stiffest, solref = _stiffest(settings, constraints), settings["solref"]
     d0, d_width, *shape = settings["solimp"]
-    is_softer = solref is not None and not same_value(solref, stiffest)
+    is_softer = solref is not None and not study.same_value(solref, stiffest)
     if is_softer or min(d0, d_width) < _SOFTEST_LIMIT:
         hardest = [_SOFTEST_LIMIT, _SOFTEST_LIMIT, *shape]
         return Cause(name, text, Intervention({"solref": stiffest, "solimp": hardest}))
     # As stiff as this step can bear: stiffer limits need the shorter step. 1 - d, doubled, is the
     # second measure.
-    removal = Intervention({"solref": _stiffest(settings, constraints, REFINEMENT)})
+    removal = Intervention({"solref": _stiffest(settings, constraints, study.REFINEMENT)})
     twice = [1.0 - 2.0 * (1.0 - d) for d in (d0, d_width)]
     scaling = Intervention({"solimp": [*twice, *shape]}, leaves=2.0)
     return Cause(name, text, removal, scaling, after=("time step",))
 
 
 _GIVES_WAY = "a limit gives way by (1 - d) tc^2 times the acceleration it withholds"
-_SWEPT = (
-    SweptParameter(
-        name="solref", title="limits' time constant tc", unit="s",
-        values=geometric(3.2e-2, 5e-4, 8), options=lambda tc: {"solref": [tc, 1.0]},
-        expected=2.0, base={"timestep": 2.5e-4}, why=_GIVES_WAY,
-    ),
-    SweptParameter(
-        name="solimp", title="limits' softness 1 - d", unit="1",
-        values=geometric(0.3, 1e-4, 8),
-        options=lambda softness: {"solimp": [1.0 - softness, 1.0 - softness, 0.001, 0.5, 2.0]},
-        expected=1.0, base={"timestep": 5e-4, "solref": [0.02, 1.0]},
-        why=f"{_GIVES_WAY} (d: its impedance)",
-    ),
-    SweptParameter(
-        name="tolerance", title="solver's tolerance", unit="1", values=geometric(1e-2, 1e-14, 7),
-        options=lambda tolerance: {"tolerance": tolerance}, base={"timestep": 1e-3},
-        without={"tolerance": 1e-30},
-        why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
-            "iteration is made",
-    ),
-    *(
-        SweptParameter(
-            name="integrator", title=f"time step h, {name}", unit="s",
-            values=tuple(1e-2 / 2**k for k in range(5)), options=lambda h: {"timestep": h},
-            expected=1.0, why="the integrator is of first order", base={"integrator": name},
-        )
-        for name in ("Euler", "implicit", "implicitfast", "discrete")
-    ),
-)  # fmt: skip
 
 
-def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] | None:
+def _softer(settings: study.Options, constraints: study.ConstraintKinds) -> dict[str, Any] | None:
     stiffness, damping = effective_solref(settings, constraints)
     if stiffness < 0:
         return {"solref": (4.0 * stiffness, 2.0 * damping)}
@@ -151,60 +104,18 @@ def _softer(settings: Options, constraints: ConstraintKinds) -> dict[str, Any] |
     return None
 
 
-def _stiffer_impedance(settings: Options, _: ConstraintKinds) -> dict[str, Any] | None:
+def _stiffer_impedance(settings: study.Options, _: study.ConstraintKinds) -> dict[str, Any] | None:
     solimp = settings["solimp"]
     if min(1 - solimp[0], 1 - solimp[1]) < 2e-4:  # MuJoCo's own bound is 1e-4
         return None
     return {"solimp": ((1 + solimp[0]) / 2, (1 + solimp[1]) / 2, *solimp[2:])}
 
 
-_REFINEMENTS = (
-    HALF_THE_STEP,
-    Refinement("softness of the limits", "half the limits' time constant", _softer),
-    Refinement("softness of the limits", "half the limits' 1 - d", _stiffer_impedance),
-    Refinement("solver's tolerance", "a hundredth of the tolerance", multiplied("tolerance", 0.01)),
-    Refinement("solver's iterations", "four times the iterations", multiplied("iterations", 4)),
-)
-
 _IN_MJCF = {"free_substeps": 1, "locate_releases": False, "preload": False}
-_OPTION_SETS = (
-    STOCK_SET,
-    OptionSet("stiffer limits",
-              "stock, with a time constant of the limits of two steps, the shortest MuJoCo takes",
-              "stock", scaled=lambda h: {"solref": (2 * h, 1.0)}),
-    OptionSet("stiff limits",
-              "limits as stiff as the step bears, solver to the last digit; all of it in the MJCF",
-              "tuned", _IN_MJCF | {"keep_limits": True}),
-    OptionSet("limits removed", "the same, and a limit is taken out after its release",
-              "tuned", _IN_MJCF),
-    OptionSet("releases located",
-              "the same, with releases found inside the step and limits preloaded",
-              "tuned", {"free_substeps": 1}),
-    TUNED_SET,
-)  # fmt: skip
 
 _NEED = "second order once releases are located, softness scaled with the step"
 _SOFT_CONTACT = "(1 - impedance) x step: a contact's softness lags a changing force by up to a step"
 _ENERGY_NEED = f"1e-9 of the energy at the start; {_NEED}"
-_TOLERANCES = (
-    Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED),
-    Tolerance("tuned", "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
-    Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
-    Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
-    Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
-    Tolerance("tuned", "energy_balance", 2e-4, 1e-3, 2, _ENERGY_NEED),
-)
-
-_STEP_ORDERS = {
-    "tuned": StepOrder(
-        2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, "
-        "error ~ tc^2", "RK4, joint coordinates",
-    ),
-    "stock": StepOrder(
-        None, "the limits' softness is fixed: it does not fall with the step",
-        "RK4, joint coordinates",
-    ),
-}  # fmt: skip
 
 
 def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
@@ -231,21 +142,90 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
         "outside": outside,
         "points": points,
     }
-    sources = {MJCF: filled_template(__name__, "mujoco.xml.j2", **values)}
+    sources = {MJCF: study.filled_template(__name__, "mujoco.xml.j2", **values)}
     # The callback that holds points is no text to paste: such a mechanism is run by trebucheck's
     # own lines.
     if outside and not points:
-        sources[PYTHON] = filled_template(__name__, "mujoco.py.j2", **values)
+        sources[PYTHON] = study.filled_template(__name__, "mujoco.py.j2", **values)
     return sources
 
 
-STUDY = EngineStudy(
+STUDY = study.EngineStudy(
     causes=_causes,
-    swept_parameters=_SWEPT,
-    step_orders=_STEP_ORDERS,
-    refinements=_REFINEMENTS,
-    option_sets=_OPTION_SETS,
-    tolerances=_TOLERANCES,
+    swept_parameters=(
+        SweptParameter(
+            name="solref", title="limits' time constant tc", unit="s",
+            values=study.geometric(3.2e-2, 5e-4, 8), options=lambda tc: {"solref": [tc, 1.0]},
+            expected=2.0, base={"timestep": 2.5e-4}, why=_GIVES_WAY,
+        ),
+        SweptParameter(
+            name="solimp", title="limits' softness 1 - d", unit="1",
+            values=study.geometric(0.3, 1e-4, 8),
+            options=lambda softness: {"solimp": [1.0 - softness, 1.0 - softness, 0.001, 0.5, 2.0]},
+            expected=1.0, base={"timestep": 5e-4, "solref": [0.02, 1.0]},
+            why=f"{_GIVES_WAY} (d: its impedance)",
+        ),
+        SweptParameter(
+            name="tolerance", title="solver's tolerance", unit="1",
+            values=study.geometric(1e-2, 1e-14, 7),
+            options=lambda tolerance: {"tolerance": tolerance}, base={"timestep": 1e-3},
+            without={"tolerance": 1e-30},
+            why="Newton's method converges in leaps: the error falls in leaps, too, as one more "
+                "iteration is made",
+        ),
+        *(
+            SweptParameter(
+                name="integrator", title=f"time step h, {name}", unit="s",
+                values=tuple(1e-2 / 2**k for k in range(5)), options=lambda h: {"timestep": h},
+                expected=1.0, why="the integrator is of first order", base={"integrator": name},
+            )
+            for name in ("Euler", "implicit", "implicitfast", "discrete")
+        ),
+    ),
+    step_orders={
+        "tuned": study.StepOrder(
+            2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, "
+            "error ~ tc^2", "RK4, joint coordinates",
+        ),
+        "stock": study.StepOrder(
+            None, "the limits' softness is fixed: it does not fall with the step",
+            "RK4, joint coordinates",
+        ),
+    },
+    refinements=(
+        study.HALF_THE_STEP,
+        Refinement("softness of the limits", "half the limits' time constant", _softer),
+        Refinement("softness of the limits", "half the limits' 1 - d", _stiffer_impedance),
+        Refinement("solver's tolerance", "a hundredth of the tolerance",
+                   study.multiplied("tolerance", 0.01)),
+        Refinement("solver's iterations", "four times the iterations",
+                   study.multiplied("iterations", 4)),
+    ),
+    option_sets=(
+        study.STOCK_SET,
+        OptionSet("stiffer limits",
+                  "stock, with a time constant of the limits of two steps, the shortest MuJoCo "
+                  "takes",
+                  "stock", scaled=lambda h: {"solref": (2 * h, 1.0)}),
+        OptionSet("stiff limits",
+                  "limits as stiff as the step bears, solver to the last digit; all of it in the "
+                  "MJCF",
+                  "tuned", _IN_MJCF | {"keep_limits": True}),
+        OptionSet("limits removed", "the same, and a limit is taken out after its release",
+                  "tuned", _IN_MJCF),
+        OptionSet("releases located",
+                  "the same, with releases found inside the step and limits preloaded",
+                  "tuned", {"free_substeps": 1}),
+        study.TUNED_SET,
+    ),
+    tolerances=(
+        Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED),
+        Tolerance("tuned", "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
+        Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
+        Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
+        Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
+        Tolerance("tuned", "energy_balance", 2e-4, 1e-3, 2, _ENERGY_NEED),
+    ),
     snippets=_snippets,
     colour="#0072B2",
-)
+)  # fmt: skip

@@ -240,7 +240,8 @@ class Stepper:
         pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
         identities = memoryview(self._buffer.int_buf()).cast("P").tolist()
         self._offsets = {identity: _WIDTH * i for i, identity in enumerate(identities)}
-        # Chipmunk appends to this memory. A row is to spare: it must not find it full, and grow it.
+        # Chipmunk appends to this memory. A row is to spare: what it finds full it would grow, and
+        # that is not its own.
         self._rows = np.zeros((steps + 2, _WIDTH * len(identities)))
         self._buffer.set_float_buf(self._rows)
         self._initial = self._half = self._rows[0]
@@ -327,6 +328,7 @@ class Stepper:
             SimulationError: ends of a rod meet, or numbers are not finite: impulses diverged.
         """
         space, h, loads = self._space, self.h, self.assembly.loads
+        assert self.steps + steps <= len(self._rows) - 2, "no memory for so many steps"
         space.iterations = iterations
         row = self._rows[self.steps].tolist()
         try:

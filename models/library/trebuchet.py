@@ -215,11 +215,7 @@ def _loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float])
 
 
 def _square(length: float) -> float:
-    """Square of a length [m^2].
-
-    Raises:
-        InputError: it is beyond the largest float64.
-    """
+    """Square of a length [m^2]; InputError if it is beyond the largest float64."""
     try:
         return length**2
     except OverflowError:

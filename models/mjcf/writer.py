@@ -213,11 +213,8 @@ class _Writer:
     def root(self) -> ET.Element:
         """The `mujoco` element."""
         root = ET.Element("mujoco", model=self.mechanism.name)
-        root.append(
-            ET.Comment(
-                " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
-            )
-        )
+        about = " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
+        root.append(ET.Comment(about))
         add(root, "compiler", angle="radian", autolimits="false")
         option = add(
             root, "option", timestep=self.timestep, integrator="RK4", tolerance="1e-30",
@@ -246,7 +243,19 @@ class _Writer:
         if self.thrown:
             self.thrown.add_constraints(root)
         if self.on_tendon or self.points.turned or self.forces.needs_tendons:
-            self._add_tendons(add(root, "tendon"))
+            tendon = add(root, "tendon")
+            # Stops that fit no joint's range: limits on the sum of hinges between two bodies.
+            for stop in self.on_tendon:
+                if not hinge_weights(self.mechanism, *stop.bodies):
+                    raise UnsupportedProblemError(
+                        f"stop {stop.name!r} holds {stop.body!r} against itself."
+                    )
+                add_angle_tendon(
+                    tendon, self.mechanism, stop.bodies,
+                    name=stop.name, limited="true", range=self._range(stop),
+                )  # fmt: skip
+            self.points.add_tendons(tendon)
+            self.forces.add_tendons(tendon)
         self.forces.add_actuators(root)
         if self.variant.sensors:
             self._add_sensors(add(root, "sensor"))
@@ -305,20 +314,6 @@ class _Writer:
                 add(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
         self.forces.add_sites(element, body, origin)
 
-    def _add_tendons(self, tendon: ET.Element) -> None:
-        """Add stops that fit no joint's range: limits on the sum of hinges between two bodies."""
-        for stop in self.on_tendon:
-            if not hinge_weights(self.mechanism, *stop.bodies):
-                raise UnsupportedProblemError(
-                    f"stop {stop.name!r} holds {stop.body!r} against itself."
-                )
-            add_angle_tendon(
-                tendon, self.mechanism, stop.bodies,
-                name=stop.name, limited="true", range=self._range(stop),
-            )  # fmt: skip
-        self.points.add_tendons(tendon)
-        self.forces.add_tendons(tendon)
-
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:
             STOP_SENSORS[stop](self, sensor, stop)
@@ -341,13 +336,12 @@ class _Writer:
             joint = self.mechanism.joint_of(stop.body).name
             add(sensor, "jointlimitfrc", name=name, joint=joint)
 
-    def add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
-        """Add the force of a contact."""
-        self.points.add_stop_sensor(sensor, stop)
-
 
 STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
-    {Stop: _Writer.add_limit_sensor, PointStop: _Writer.add_contact_sensor},
+    {
+        Stop: _Writer.add_limit_sensor,
+        PointStop: lambda writer, sensor, stop: writer.points.add_stop_sensor(sensor, stop),
+    },
 )

@@ -138,7 +138,7 @@ class MinimalMotion:
 
 
 class Key(NamedTuple):
-    """Which quantity a figure is of."""
+    """Quantity that a figure is of."""
 
     name: str
     subject: str | None

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from conftest import again
 from mechanisms import OBLIQUE_SLOT, TABLE_ONE, chain, position_error, table_one_motion
+from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.engine import PymunkEngine
+from trebucheck.engines.pymunk.leapfrog import Stepper
 from trebucheck.models.elements import GROUND, PinJoint, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
@@ -398,3 +400,17 @@ def test_the_class_does_not_load_the_library() -> None:
         "sys.exit('pymunk' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd="/").returncode == 0
+
+
+def test_chipmunk_writes_every_state_into_memory_that_it_does_not_grow() -> None:
+    """The memory is NumPy's: to grow it would end the process, or lose the states."""
+    assembly = build(TABLE_ONE["fixed"], (), 0.0, 1.0)
+    stepper = Stepper(assembly, 1e-3, hold_lengths=False, steps=3)
+    stepper.start(10, leapfrog=False)
+    stepper.run(3, 10)
+    points = stepper.samples(0).points[0]
+    # The first step moves the bodies with their speeds at the start, which are zero.
+    assert points.shape == (4, len(assembly.bodies)) and len(np.unique(points[:, -1])) == 3
+    assert points[-1].tolist() == [complex(*body.position) for body in assembly.bodies]
+    with pytest.raises(AssertionError, match="memory"):
+        stepper.run(1, 10)

@@ -162,7 +162,7 @@ def script_json(value: object) -> Markup:
 def scene_data(shown: Scene) -> dict[str, Any]:
     """Data from which the script draws a scene; arrays in base64, little-endian, by frame."""
     drawing, reference = shown.drawing, shown.reference
-    mechanism = drawing.mechanism
+    mechanism = drawing.kinematics.mechanism
     stops = [name for name in drawing.stops if name in reference.stop_torques]
     stop_rows: list[list[Any]] = []
     for name in stops:
@@ -414,7 +414,7 @@ class Stage:
                 fine = shape.kind in ("between", "spiral")
                 self._lines(polylines(shape, at), thin if fine else pen, run.name)
                 if shape.kind == "disc" and shape.role == "marker":
-                    self._disc(at[0], shape.size, _NO_LINE, run.colour, run.name)
+                    self._disc(at[0], shape.size, Pen("", 0.0), run.colour, run.name)
                 elif shape.kind == "disc":
                     self._disc(at[0], shape.size, pen, "", run.name)
 
@@ -539,19 +539,14 @@ class Stage:
         self._add(Circle(at, radius, facecolor=fill or "none", **pen.style), name)
 
 
-_NO_LINE = Pen("", 0.0)
-
-
 def _path_of(lines: Sequence[ComplexArray], pen: Pen) -> Artist:
     """Polylines [m] as one path."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Curve
 
     curves = [Curve(np.column_stack([line.real, line.imag])) for line in lines]
-    return PathPatch(
-        Curve.make_compound_path(*curves), fill=False, joinstyle="round",
-        capstyle="butt" if pen.dashed else "round", **pen.style,
-    )  # fmt: skip
+    path, cap = Curve.make_compound_path(*curves), "butt" if pen.dashed else "round"
+    return PathPatch(path, fill=False, joinstyle="round", capstyle=cap, **pen.style)
 
 
 # --- Files

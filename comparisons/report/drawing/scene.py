@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from typing import Literal
+from functools import cached_property, lru_cache, partial
+from itertools import zip_longest
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -80,15 +81,13 @@ def events_of(
         times = (run.release_times.get(stop) for run in runs.values())
         add("release", f"{stop} opens", stop, [released, *times])
     for stop in reference.mechanism.stops:
-        hits = [
-            [time for time, impulses in solver.impacts if impulses.get(stop.name, 0.0) > 0]
-            for solver in solvers
-        ]
-        count = min(max(map(len, hits)), _MOST_IMPACTS)
-        for k in range(count):
-            name = f"{stop.name} is hit" + (f" ({k + 1})" if count > 1 else "")
-            kth = [times[k] if k < len(times) else None for times in hits]
-            add("impact", name, stop.name, kth)
+        hits: list[list[float]] = []
+        for solver in solvers:
+            hits.append([t for t, impulses in solver.impacts if impulses.get(stop.name, 0.0) > 0])
+        shown = [*zip_longest(*hits)][:_MOST_IMPACTS]
+        for k, times in enumerate(shown, 1):
+            name = f"{stop.name} is hit" + (f" ({k})" if len(shown) > 1 else "")
+            add("impact", name, stop.name, times)
     if thrown is not None:
 
         def launch_of(solver: Trajectory) -> float | None:
@@ -179,10 +178,9 @@ class Scene:
         halfway = self.drawing.positions(self.states(middle))[:, compared]
         bend = np.linalg.norm(halfway - (points[1:] + points[:-1]) / 2, axis=-1).max(axis=-1)
         parts = np.ceil(np.sqrt(2000 * bend / self.drawing.size)).clip(1, 8)
-        times = [
-            np.linspace(a, b, int(n), endpoint=False)
-            for a, b, n in zip(self.t[:-1], self.t[1:], parts, strict=True)
-        ]
+        times: list[FloatArray] = []
+        for start, end, count in zip(self.t[:-1], self.t[1:], parts, strict=True):
+            times.append(np.linspace(start, end, int(count), endpoint=False))
         return np.append(np.concatenate(times), self.t[-1])
 
     def at(
@@ -212,11 +210,7 @@ class Scene:
 
     @cached_property
     def magnification(self) -> float:
-        """Factor by which deviations are magnified at first.
-
-        As asked for, or the power of ten that makes the largest deviation of any run at most an
-        eighth of the size.
-        """
+        """Factor by which deviations are magnified at first."""
         if self.magnify is not None:
             return self.magnify
         errors = [self.error(run) for run in self.runs]
@@ -224,6 +218,7 @@ class Scene:
         largest = max(known, default=0.0)
         if largest == 0:
             return 1.0
+        # The power of ten that makes the largest deviation at most an eighth of the size.
         return 10.0 ** np.clip(np.floor(np.log10(self.drawing.size / 8 / largest)), 0, 8)
 
 
@@ -301,13 +296,7 @@ def scene(
 
 
 def _grid(end: float, events: list[float], numbers: int) -> FloatArray:
-    """Times of the frames [s]: even, closer about events, and the events themselves.
-
-    Args:
-        end: of the grid [s].
-        events: [s].
-        numbers: that a frame needs.
-    """
+    """Times of the frames [s], of so many numbers each: even, closer about events, and these."""
     n = int(np.clip(_NUMBERS / numbers, _FEWEST, _FRAMES))
     times = [np.linspace(0.0, end, n)]
     near = events[:_MOST_EVENTS]
@@ -350,20 +339,17 @@ def _motion_of(
             if np.any(distance > np.maximum(allowed, _ROUNDING * drawing.size)):
                 aside[marker] = at_frames(beside)
 
-    def known(recorded: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        return {
-            name: at_frames(values[samples].reshape(len(samples), -1))
-            for name, values in recorded.items()
-            if np.isfinite(values).any()
-        }
-
-    torques = {stop: values[:, 0] for stop, values in known(trajectory.stop_torques).items()}
-    forces = known(trajectory.joint_reactions)
-    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, torques, forces)
+    loads: list[dict[str, FloatArray]] = []
+    for recorded in (trajectory.stop_torques, trajectory.joint_reactions):
+        known = [name for name, values in recorded.items() if np.isfinite(values).any()]
+        loads.append({name: at_frames(recorded[name][samples]) for name in known})
+    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, *loads)
 
 
 def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:
-    """Values by columns, at other times."""
+    """Values, or their columns, at other times."""
+    if values.ndim == 1:
+        return np.interp(t, samples, values)
     return np.stack([np.interp(t, samples, column) for column in values.T], axis=1)
 
 
@@ -372,30 +358,25 @@ def resampled(trajectory: Trajectory) -> States:
     kinematics = trajectory.kinematics
     spline = CubicHermiteSpline(trajectory.t, trajectory.q, trajectory.u)
     rows = {m.name: kinematics.point(m.body, m.point) for m in trajectory.mechanism.markers}
-    beside = {
-        name: motion.position - kinematics.position(rows[name], trajectory.q)
-        for name, motion in trajectory.markers.items()
-    }
-
-    def linear(t: FloatArray, values: FloatArray) -> FloatArray:
-        if values.ndim == 1:
-            return np.interp(t, trajectory.t, values)
-        return _linear(t, trajectory.t, values)
+    beside: dict[str, FloatArray] = {}
+    for name, motion in trajectory.markers.items():
+        beside[name] = motion.position - kinematics.position(rows[name], trajectory.q)
 
     def at(t: FloatArray) -> Trajectory:
         t = np.clip(t, trajectory.t[0], trajectory.t[-1])
+        linear = partial(_linear, t, trajectory.t)
         q, u = np.asarray(spline(t)), np.asarray(spline(t, 1))
         markers: dict[str, PointMotion] = {}
         for name, motion in trajectory.markers.items():
-            position = kinematics.position(rows[name], q) + linear(t, beside[name])
-            markers[name] = PointMotion(position, linear(t, motion.velocity))
-        energies = ("kinetic_energy", "potential_energy")
-        values = {name: linear(t, getattr(trajectory, name)) for name in energies}
-        forces = {
-            kind: {name: linear(t, force) for name, force in getattr(trajectory, kind).items()}
-            for kind in ("stop_torques", "joint_reactions", "joint_gaps")
-        }
-        return dataclasses.replace(trajectory, t=t, q=q, u=u, markers=markers, **values, **forces)
+            position = kinematics.position(rows[name], q) + linear(beside[name])
+            markers[name] = PointMotion(position, linear(motion.velocity))
+        values: dict[str, Any] = {}
+        for energy in ("kinetic_energy", "potential_energy"):
+            values[energy] = linear(getattr(trajectory, energy))
+        for kind in ("stop_torques", "joint_reactions", "joint_gaps"):
+            recorded: Mapping[str, FloatArray] = getattr(trajectory, kind)
+            values[kind] = {name: linear(force) for name, force in recorded.items()}
+        return dataclasses.replace(trajectory, t=t, q=q, u=u, markers=markers, **values)
 
     return at
 

@@ -106,8 +106,9 @@ class Shape:
 class Drawing:
     """A mechanism's points and shapes, and the part of the plane that its motion needs."""
 
-    mechanism: Mechanism
+    kinematics: Kinematics
     points: tuple[FramePoint, ...]
+    rows: tuple[PointCoefficients, ...]  # coefficients of the points' positions
     shapes: tuple[Shape, ...]
     markers: dict[str, int]  # index of each marker's point, by name
     compared: tuple[int, ...]
@@ -119,16 +120,6 @@ class Drawing:
     normal, else the same index again."""
     box: Box
     size: float  # a length [m] of the whole, from which the sizes of symbols follow
-
-    @cached_property
-    def kinematics(self) -> Kinematics:
-        """Kinematics of the mechanism."""
-        return Kinematics(self.mechanism)
-
-    @cached_property
-    def rows(self) -> tuple[PointCoefficients, ...]:
-        """Coefficients of the points' positions."""
-        return tuple(point.coefficients(self.kinematics) for point in self.points)
 
     def positions(self, q: FloatArray) -> FloatArray:
         """World positions [m] in states q of shape (n, n_q); shape (n, n_points, 2)."""
@@ -203,7 +194,7 @@ class Sketch:
         """Longer side of what the bodies' points and centres sweep [m]; 1 for a point at rest."""
         points = [FramePoint(name, at) for name, ats in self.outlines.items() for at in ats]
         points += [FramePoint(body.name, complex(*body.centre)) for body in self.mechanism.bodies]
-        xy = self.positions(points).reshape(-1, 2)
+        xy = _positions(self.kinematics, self.rows(points), self.q).reshape(-1, 2)
         spread = float(np.max(xy.max(axis=0) - xy.min(axis=0)))
         return spread if math.isfinite(spread) and spread > 0 else 1.0
 
@@ -256,17 +247,14 @@ class Sketch:
 
     def hinge(self, body: str, other: str) -> complex:
         """Where a body turns against another one, in its frame: their joint, or else its own."""
-        joint = self.mechanism.joint_of(body)
-        for between in self.mechanism.joints:
-            if {between.parent, between.child} == {body, other}:
-                joint = between
-                break
+        joints = self.mechanism.joints
+        common = [joint for joint in joints if {joint.parent, joint.child} == {body, other}]
+        joint = (*common, self.mechanism.joint_of(body))[0]
         return complex(*(joint.child_point if joint.child == body else joint.parent_point))
 
-    def positions(self, points: Iterable[FramePoint]) -> FloatArray:
-        """Positions of points during the motion [m], shape (n, n_points, 2)."""
-        rows = [point.coefficients(self.kinematics) for point in points]
-        return _positions(self.kinematics, rows, self.q)
+    def rows(self, points: Iterable[FramePoint]) -> tuple[PointCoefficients, ...]:
+        """Coefficients of the positions of points."""
+        return tuple(point.coefficients(self.kinematics) for point in points)
 
 
 # --- Bodies
@@ -411,11 +399,9 @@ def _add_slider(sketch: Sketch, joint: PrismaticJoint) -> None:
     sketch.point(joint.child, at)
     _add_rails(sketch, joint.parent, a, b, 1.6 * unit)
     along = axis * cmath.exp(1j * joint.angle) * unit  # in the frame of the child
-    corners = [
-        sketch.point(joint.child, at + along * complex(2.6 * x, 1.3 * y))
-        for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    ]
-    sketch.add("area", "joint", corners, 0.3 * unit)
+    corners = (-2.6 - 1.3j, 2.6 - 1.3j, 2.6 + 1.3j, -2.6 + 1.3j)
+    points = [sketch.point(joint.child, at + along * corner) for corner in corners]
+    sketch.add("area", "joint", points, 0.3 * unit)
 
 
 def _add_slot(sketch: Sketch, joint: SlotJoint) -> None:
@@ -465,11 +451,8 @@ def _add_rest(sketch: Sketch, stop: Stop) -> tuple[int, int]:
         reach, direction = min(reach, 0.6 * length), arm / length
     contact = direction * cmath.exp(-1j * stop.sense * stop.limit)
     away = 1j * stop.sense * contact * unit
-    corners = (
-        contact * reach * 0.35 + away,
-        contact * reach + away,
-        contact * reach * 0.95 + 2.6 * away,
-    )
+    along = contact * reach
+    corners = along * 0.35 + away, along + away, along * 0.95 + 2.6 * away
     points = [sketch.point(stop.body, pivot, stop.relative_to, corner) for corner in corners]
     sketch.add("area", "stop", points, 0.3 * unit, stop=stop.name)
     at = sketch.point(stop.body, pivot)
@@ -568,18 +551,16 @@ FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
 
 _MARGIN = 0.03  # around the motion, in parts of its size
 _BESIDE = 0.1  # of the size, by which stops widen the view at most
-_ENDS = {"disc": 1, "spiral": 1, "wheel": 1, "turn": 1}
-"""Number of a shape's points that are drawn; the others give directions. Not listed: all."""
+# Shapes around their first point, as far as their size; others of their points give directions
+_ROUND = ("disc", "spiral", "wheel", "turn")
 _MOST_HATCHES = 400
 
 
 def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     """Draw a mechanism.
 
-    Args:
-        mechanism: any.
-        q: its motion, shape (n, n_q), from which the view and the lengths of guides and walls
-            follow; the start where left out.
+    The view, and lengths of guides and walls, follow from its motion `q`, shape (n, n_q); from the
+    start where left out.
     """
     q = np.array([mechanism.start], dtype=np.float64) if q is None else q
     sketch = Sketch(mechanism, q)
@@ -596,23 +577,25 @@ def draw(mechanism: Mechanism, q: FloatArray | None = None) -> Drawing:
     centres = tuple(sketch.point(body.name, complex(*body.centre)) for body in mechanism.bodies)
     compared = tuple(dict.fromkeys(markers.values())) or centres
     shapes = tuple(sorted(sketch.shapes, key=lambda shape: ROLES.index(shape.role)))
-    points, box = tuple(sketch.points), _box(sketch, shapes)
-    return Drawing(mechanism, points, shapes, markers, compared, joints, stops, box, sketch.size)
+    kinematics, points, rows = sketch.kinematics, tuple(sketch.points), sketch.rows(sketch.points)
+    box, size = _box(sketch, shapes, _positions(kinematics, rows, q)), sketch.size
+    named = markers, compared, joints, stops
+    return Drawing(kinematics, points, rows, shapes, *named, box, size)
 
 
-def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
+def _box(sketch: Sketch, shapes: tuple[Shape, ...], xy: FloatArray) -> Box:
     """Box around all that is drawn during the motion, but for stops far beside the rest."""
-    xy = sketch.positions(sketch.points)
     least, most = xy.min(axis=0), xy.max(axis=0)
 
     def around(shapes: list[Shape]) -> tuple[FloatArray, FloatArray]:
         indices: list[int] = []
         reach: list[list[float]] = []  # how far a shape extends from its points [m]
         for shape in shapes:
-            extent = shape.size
-            if shape.kind not in ("disc", "spiral", "wheel", "turn", "hatch"):
+            drawn, extent = shape.points, shape.size
+            if shape.kind in _ROUND:
+                drawn = shape.points[:1]
+            elif shape.kind != "hatch":
                 extent = max((abs(aside) for _, aside in shape.path), default=shape.size / 2)
-            drawn = shape.points[: _ENDS.get(shape.kind)]
             indices += drawn
             reach += [[extent]] * len(drawn)
         low, high = least[indices] - np.array(reach), most[indices] + np.array(reach)
@@ -630,12 +613,7 @@ def _box(sketch: Sketch, shapes: tuple[Shape, ...]) -> Box:
 
 
 def polylines(shape: Shape, z: ComplexArray) -> list[ComplexArray]:
-    """Lines of a shape [m], x + i y; none of a disc and the rim of a wheel, which are circles.
-
-    Args:
-        shape: but for arrows and turns.
-        z: positions of the shape's points.
-    """
+    """Lines of a shape [m], x + i y, from its points; none of circles, arrows and turns."""
     size, lines = shape.size, list[ComplexArray]()
     match shape.kind:
         case "area":

@@ -26,9 +26,10 @@ from ...runs.metrics import LEAST_START
 from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
 from ...runs.study import REFERENCE as REFERENCE_ENGINE
 from .. import document as doc
+from .. import plots
 from ..document import format_number, format_settings, format_step, sentence
 from ..drawing.scene import Scene
-from ..plots import REFERENCE, Axis, Panels, Plot, Rule, Series, motion_scene, run_style
+from ..plots import Axis, Panels, Plot, Rule, Series
 from . import tables
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
@@ -223,7 +224,7 @@ class Line:
     def series(self, t: FloatArray, values: FloatArray) -> Series:
         """Values as a line: its colour by engine, its dashes by preset."""
         run = self.trajectory.provenance
-        return Series(self.label, t, values, run_style(run.engine, run.preset))
+        return Series(self.label, t, values, plots.run_style(run.engine, run.preset))
 
     def values(self, quantity: Sampled) -> Series | None:
         """The quantity, thinned; None if the reference's line would cover it."""
@@ -242,13 +243,14 @@ class Line:
         return self.series(*thinned(self.reference.t, size))
 
 
-def lines(solution: Solution, trajectories: Mapping[str, Trajectory], end: float) -> list[Line]:
-    """Runs of one machine up to `end` [s], but for the tuned reference."""
-    return [
-        Line(trajectory, solution.trajectory(trajectory.t[trajectory.t <= end]))
-        for trajectory in trajectories.values()
-        if (trajectory.provenance.engine, trajectory.provenance.preset) != ("reference", "tuned")
-    ]
+def lines(comparison: Comparison, machine: Machine) -> list[Line]:
+    """Runs of one machine up to the end of what is compared, but for the tuned reference."""
+    solution, end = comparison.solutions[machine.model], machine.compared_to
+    drawn: list[Line] = []
+    for label, run in _trajectories(comparison, machine).items():
+        if label != plots.REFERENCE_RUN:
+            drawn.append(Line(run, solution.trajectory(run.t[run.t <= end])))
+    return drawn
 
 
 def thinned(t: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -273,9 +275,10 @@ def _scenes(comparison: Comparison) -> tuple[Scene, ...]:
     scenes: list[Scene] = []
     for machine in comparison.results.machines:
         states = comparison.solutions[machine.model].trajectory
-        end, thrown, launch = machine.compared_to, machine.thrown, machine.launch_time
-        runs, name = _trajectories(comparison, machine), machine.model
-        scenes.append(motion_scene(states, runs, end=end, thrown=thrown, launch=launch, name=name))
+        scenes.append(plots.motion_scene(
+            states, _trajectories(comparison, machine), end=machine.compared_to,
+            thrown=machine.thrown, launch=machine.launch_time, name=machine.model,
+        ))  # fmt: skip
     return tuple(scenes)
 
 
@@ -288,8 +291,7 @@ def _plots_over_time(comparison: Comparison, machine: Machine) -> doc.Grid:
 
     @cache
     def drawn() -> tuple[Solution, list[Line]]:
-        solution = comparison.solutions[model]
-        return solution, lines(solution, _trajectories(comparison, machine), machine.compared_to)
+        return comparison.solutions[model], lines(comparison, machine)
 
     def panels(draw: _Draw) -> Panels:
         return draw(*drawn())
@@ -373,7 +375,7 @@ def _over_time(
     if end is not None:
         reference = solution.trajectory(np.linspace(0.0, end, _POINTS))
         for name, quantity in quantities.items():
-            series = [Series("reference", reference.t, quantity(reference), REFERENCE)]
+            series = [Series("reference", reference.t, quantity(reference), plots.REFERENCE)]
             for run in runs:
                 with suppress(ValueError):
                     seen = run.values(quantity)
@@ -419,7 +421,7 @@ def _work_precision(results: Results) -> doc.Figure:
     for run in results.runs:
         error = _POSITION.value(run)
         if run.model in series and run.wall_time and error is not None:
-            style, hints = run_style(run.engine, run.preset), (f"{run.steps} steps",)
+            style, hints = plots.run_style(run.engine, run.preset), (f"{run.steps} steps",)
             x, y = np.array([run.wall_time]), np.array([error])
             series[run.model].append(Series(run.label, x, y, style, "points", hints))
     panels = tuple(Plot(time, distance, tuple(points), model) for model, points in series.items())
@@ -563,12 +565,12 @@ def _overview(results: Results) -> doc.Table:
     for machine in results.machines:
         if len(results.machines) > 1:
             rows.append(doc.row(f"{machine.model} machine"))
-        plots = {name for name, *_ in _figures(machine)}
+        drawn = {name for name, *_ in _figures(machine)}
         for run in _runs(results, machine):
             cells: list[doc.Cell] = []
             for quantity in shown:
                 cell = quantity.cell(run)
-                if cell.text and quantity.plot in plots:
+                if cell.text and quantity.plot in drawn:
                     cell = replace(cell, link=tables.anchor(run.model, quantity.plot))
                 elif run.metrics and not cell.text:
                     cell = doc.Cell("–", hint="not observed, or not part of this motion")
@@ -707,28 +709,28 @@ def _equivalence_row(run: Run) -> tuple[object, ...]:
     return run.label, *cells, equality.states, outcome
 
 
-_PAIR_COLUMNS = (
-    doc.Column("first", of=attrgetter("first")),
-    doc.Column("second", of=attrgetter("second"), rank=0),
-    doc.Column("position", "m", of=lambda pair: format_number(pair.position_max)),
-    doc.Column("release", "s", of=lambda pair: format_number(pair.release_time_max)),
-    doc.Column("speed", "m/s", of=lambda pair: format_number(largest([pair.launch_speed]))),
-)
-
-
 def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
     """Engine against engine: all pairs on a page, those of tuned presets in a terminal."""
-    tuned = [pair for pair in pairs if tables.both_tuned(pair.first, pair.second)]
-    every = doc.table(_PAIR_COLUMNS, pairs, "Engine against engine, all pairs")
+    rows: list[doc.Row] = []
+    tuned: list[doc.Row] = []
+    distances: dict[tuple[str, str], str] = {}
+    for pair in pairs:
+        position, release = format_number(pair.position_max), format_number(pair.release_time_max)
+        speed = format_number(largest([pair.launch_speed]))
+        rows.append(doc.row(pair.first, pair.second, position, release, speed))
+        if tables.both_tuned(pair.first, pair.second):
+            tuned.append(rows[-1])
+        distances[pair.first, pair.second] = position
+    heads = doc.columns("first | second | position [m] | release [s] | speed [m/s]")
+    every = doc.table(heads, rows, "Engine against engine, all pairs")
     caption = "engine against engine (tuned; the report has all)"
-    short = doc.table(_PAIR_COLUMNS, tuned, caption, "terminal")
-    distances = {(pair.first, pair.second): format_number(pair.position_max) for pair in pairs}
+    short = doc.table(doc.ranked(heads, second=0), tuned, caption, "terminal")
     labels = [*dict.fromkeys([*(pair.first for pair in pairs), *(pair.second for pair in pairs)])]
-    rows: list[tuple[str, ...]] = []
+    above: list[tuple[str, ...]] = []
     for first in labels[:-1]:
-        rows.append((first, *(distances.get((first, second), "") for second in labels[1:])))
+        above.append((first, *(distances.get((first, second), "") for second in labels[1:])))
     caption = "Largest distance between the two positions of a marker [m]"
-    above_diagonal = doc.table(["engine", *labels[1:]], rows, caption, "page")
+    above_diagonal = doc.table(["engine", *labels[1:]], above, caption, "page")
     blocks = above_diagonal, doc.without_empty_columns(every)
     return doc.Fold("Engine against engine", blocks), doc.without_empty_columns(short)
 

@@ -95,11 +95,7 @@ def certificate_report(certificate: Certificate) -> doc.Document:
 
 
 def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> doc.Document:
-    """Quantities of one run.
-
-    Args:
-        distance: from the reference, or why that is not known; None: not asked for.
-    """
+    """Quantities of one run; if asked for, its distance from the reference or why there is none."""
     run, mechanism = trajectory.provenance, trajectory.mechanism
     title = f"{mechanism.name}, {run.engine} {run.preset} ({run.engine_version})"
     rows = [

@@ -68,12 +68,7 @@ def both_tuned(first: str, second: str) -> bool:
 
 
 def complaints(run: Run, most: int | None = None) -> list[str]:
-    """One sentence for each broken tolerance, the worst first; of the rest their number.
-
-    Args:
-        run: a run of a comparison.
-        most: how many have a sentence; None: all.
-    """
+    """A sentence on each broken tolerance, or on the `most` worst, then the number of the rest."""
     broken = sorted(run.broken, key=lambda metric: metric.share or 0.0)
     sentences: list[str] = []
     for metric in broken[::-1][:most]:
@@ -156,9 +151,9 @@ def compared_time(
     if launch_time is not None and launch_time >= end * (1 - 1e-9):
         until = f"the launch at {end:.6f}"
     text = f"Compared from the start to {until} s."
-    if judged_to is None or judged_to >= end:
-        return text
-    return f"{text} Nothing is compared beyond {judged_to:.6g} s: {_HORIZON}."
+    if judged_to is not None and judged_to < end:
+        text += f" Nothing is compared beyond {judged_to:.6g} s: {_HORIZON}."
+    return text
 
 
 def predictable(machine: Machine) -> str:
