@@ -15,7 +15,7 @@ import numpy as np
 import trebucheck as tb
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.batch import launch_batch
-from trebucheck.reference.taylor.solve import taylor_launch, taylor_quantities
+from trebucheck.reference.taylor.solve import taylor_quantities
 
 RUNS, BATCH, TOLERANCE, DURATION = 15, 1000, 1e-12, 4.0
 BUILDS = {"fixed": tb.fixed, "rolling": tb.rolling}
@@ -39,18 +39,13 @@ def dop853_launch(problem: tb.Problem) -> tb.Launch | None:
 def random_machines(build: Callable[[tb.TrebuchetParameters], tb.Mechanism]) -> list[tb.Mechanism]:
     """Machines a builder might think of, the same in every run."""
     random = np.random.default_rng(1)
-    ranges = {
-        "l1": (7, 12.5),
-        "l2": (2.5, 5),
-        "r": (4, 8),
-        "h": (6, 12),
-        "m_b": (30, 150),
-        "m_cw": (1500, 5000),
-    }
-    draws = [
-        {name: random.uniform(*limits) for name, limits in ranges.items()} for _ in range(BATCH)
-    ]
-    return [build(tb.TrebuchetParameters(**draw)) for draw in draws]
+    ranges = {"l1": (7, 12.5), "l2": (2.5, 5), "r": (4, 8), "h": (6, 12)}
+    ranges |= {"m_b": (30, 150), "m_cw": (1500, 5000)}
+    machines: list[tb.Mechanism] = []
+    for _ in range(BATCH):
+        draw = {name: random.uniform(*limits) for name, limits in ranges.items()}
+        machines.append(build(tb.TrebuchetParameters(**draw)))
+    return machines
 
 
 def main() -> None:
@@ -60,7 +55,7 @@ def main() -> None:
         problem = tb.Problem(build(), duration=DURATION)
         launches: dict[str, Callable[[], object]] = {
             "DOP853, 1e-12": partial(dop853_launch, problem),
-            "Taylor, 1e-12": partial(taylor_launch, problem, TOLERANCE),
+            "Taylor, 1e-12": partial(taylor_quantities, problem, "double", TOLERANCE),
             "Taylor, extended precision": partial(taylor_quantities, problem, "extended"),
         }
         for what, launch in launches.items():

@@ -41,11 +41,7 @@ class Call:
 
     @cached_property
     def numbers(self) -> dict[str, float]:
-        """Values of --set.
-
-        Raises:
-            InputError: a text is not NAME=NUMBER.
-        """
+        """Values of --set; InputError if a text is not NAME=NUMBER."""
         texts = options.assignments(self.values.get("set"), "--set")
         return {name: options.number(text, f"--set {name} =") for name, text in texts.items()}
 

@@ -177,11 +177,7 @@ def engines_command(call: Call) -> None:
 
 
 def engine_document(name: str) -> Document:
-    """The options of an engine.
-
-    Raises:
-        InputError: there is no such engine.
-    """
+    """The options of an engine; InputError if there is no such engine."""
     from ..comparisons.report.document import Column, Document, Text, ranked, table, words
     from ..engines.options import default_text
     from ..engines.registry import engine_class, option_table, supplied_in

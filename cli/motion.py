@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -219,7 +219,7 @@ def animate_command(call: Call) -> None:
     end = one_end(call.duration, call.until)
     with call.worker() as worker:
         if call.trajectories is not None:
-            scenes = _from_files(call.trajectories, call.model, end, worker, call.magnify)
+            scenes = [*_from_files(call.trajectories, call.model, end, worker, call.magnify)]
         else:
             study = Study(
                 call.models(call.model or "fixed"),
@@ -270,13 +270,17 @@ def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: floa
 
 
 def _from_files(
-    path: Path, model: str | None, end: str | float | None, worker: Worker, magnify: float | None
-) -> list[Scene]:
-    """The reference's motion, and runs that were made before, by machine.
+    path: Path, model: str | None, until: str | float | None, worker: Worker, magnify: float | None
+) -> Iterator[Scene]:
+    """The reference's motion, and runs that were made before, by machine: to the shortest's end.
 
     Raises:
         InputError: there are none, or a file is not one.
     """
+    from ..comparisons.report.plots import motion_scene
+    from ..comparisons.runs.runner import Runner
+    from ..comparisons.runs.study import Until
+    from ..models.problem import StopLaw
     from ..models.trajectory import load
 
     files = sorted(path.rglob("*.nc")) if path.is_dir() else [path]
@@ -295,40 +299,26 @@ def _from_files(
             raise InputError(
                 f"{path} holds no trajectory of {name!r}; it holds those of: {', '.join(groups)}."
             )
-    return [_of_one_machine(groups[name], end, worker, magnify) for name in chosen]
-
-
-def _of_one_machine(
-    trajectories: Sequence[Trajectory],
-    until: str | float | None,
-    worker: Worker,
-    magnify: float | None,
-) -> Scene:
-    """The reference's motion and the trajectories of one machine, to the shortest one's end."""
-    from ..comparisons.report.plots import motion_scene
-    from ..comparisons.runs.runner import Runner
-    from ..comparisons.runs.study import Until
-    from ..models.problem import StopLaw
-
-    first = trajectories[0]
-    if len({trajectory.mechanism.content_hash for trajectory in trajectories}) > 1:
-        raise InputError(
-            f"the trajectories of {first.mechanism.name!r} are of several machines of that name."
+    for name in chosen:
+        mechanism, law = groups[name][0].mechanism, groups[name][0].provenance.stop_law
+        if len({trajectory.mechanism.content_hash for trajectory in groups[name]}) > 1:
+            raise InputError(f"the trajectories of {name!r} are of several machines of that name.")
+        shortest = min(float(trajectory.t[-1]) for trajectory in groups[name])
+        end = Until.of(shortest if until is None else until)
+        runner = Runner(mechanism, worker, end, StopLaw(law))
+        runs: dict[str, Trajectory] = {}
+        for run in groups[name]:
+            label = f"{run.provenance.engine} {run.provenance.preset}"
+            if label in runs:
+                label += f", {run.provenance.steps} steps"
+            runs[label] = run
+        launch, last = runner.launch_time, min(runner.end, shortest)
+        if until is None and launch is not None:
+            # Engines ran on after the launch; that is not part of the comparison.
+            last = min(launch, shortest)
+        yield motion_scene(
+            runner.solution.trajectory, runs, end=last, launch=launch, magnify=magnify
         )
-    shortest = min(float(trajectory.t[-1]) for trajectory in trajectories)
-    law = StopLaw(first.provenance.stop_law)
-    runner = Runner(first.mechanism, worker, Until.of(shortest if until is None else until), law)
-    runs: dict[str, Trajectory] = {}
-    for run in trajectories:
-        label = f"{run.provenance.engine} {run.provenance.preset}"
-        if label in runs:
-            label += f", {run.provenance.steps} steps"
-        runs[label] = run
-    launch, end = runner.launch_time, min(runner.end, shortest)
-    if until is None and launch is not None:
-        # Engines ran on after the launch; that is not part of the comparison.
-        end = min(launch, shortest)
-    return motion_scene(runner.solution.trajectory, runs, end=end, launch=launch, magnify=magnify)
 
 
 @command(

@@ -227,22 +227,14 @@ Json = OPTIONS["json"].annotation
 
 
 def positive(value: float, option: str) -> float:
-    """A number that must be greater than zero.
-
-    Raises:
-        InputError: it is not.
-    """
+    """A number that must be greater than zero; InputError if it is not."""
     if not value > 0:
         raise InputError(f"{option} {value!r} must be positive.")
     return value
 
 
 def names(text: str, what: str) -> list[str]:
-    """Split a comma list.
-
-    Raises:
-        InputError: the list is empty.
-    """
+    """Split a comma list; InputError if the list is empty."""
     names = [part.strip() for part in text.split(",") if part.strip()]
     if not names:
         raise InputError(f"{what} is empty; at least one name is needed.")
@@ -250,11 +242,7 @@ def names(text: str, what: str) -> list[str]:
 
 
 def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
-    """NAME=VALUE texts as a mapping.
-
-    Raises:
-        InputError: a text has no '=', or a name stands twice.
-    """
+    """NAME=VALUE texts as a mapping; InputError if a text has no '=', or a name stands twice."""
     values: dict[str, str] = {}
     for text in texts or []:
         name, separator, value = text.partition("=")
@@ -267,11 +255,7 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
 
 
 def number(text: str, what: str) -> float:
-    """A number.
-
-    Raises:
-        InputError: the text is none.
-    """
+    """A number; InputError if the text is none."""
     try:
         return float(text)
     except ValueError:

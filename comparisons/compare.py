@@ -151,9 +151,8 @@ class MachineRuns:
                 update = {"outcome": Outcome.NOT_EQUIVALENT, "message": message}
                 return record.model_copy(update=update), None, None
             trajectory = self._trajectory(case, engine)
-            metrics = self.runner.measured(trajectory)
-            measured = record.timed(trajectory).model_copy(update={"metrics": metrics})
-            return measured, lambda: trajectory, self._errors(trajectory)
+            record = record.measured(trajectory, self.runner.measured(trajectory))
+            return record, lambda: trajectory, self._errors(trajectory)
         except UnwritableError:
             raise
         except Exception as error:

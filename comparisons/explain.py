@@ -21,10 +21,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Annotated, Literal, Unpack
+from typing import Annotated, Literal, NamedTuple, Unpack
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -353,6 +353,14 @@ class VariantFailedError(Exception):
         self.cause = cause
 
 
+class TwoWayShare(NamedTuple):
+    """A cause's contribution to one quantity, as functions of time."""
+
+    share: FloatArray
+    first: FloatArray  # found one way: in the order of the table
+    second: FloatArray  # the other way: in the reverse order, or by scaling
+
+
 @dataclass(frozen=True)
 class Observed:
     """Error of one quantity, from a deviation."""
@@ -367,21 +375,12 @@ class Observed:
         lengths = np.linalg.norm(values.reshape(self.components, -1), axis=0)
         return float(np.sqrt(np.mean(lengths**2))), float(lengths.max())
 
-    def noise(self, run: FloatArray, others: Sequence[FloatArray]) -> float:
-        """Size of the random part of a run [rms], from runs that differ in their last bits only.
-
-        The difference of two such runs has twice the variance of one.
-        """
-        squares = [self.size(other - run)[0] ** 2 / 2 for other in others]
-        return math.sqrt(sum(squares) / len(squares)) if squares else 0.0
-
     def share(self, cause: str, part: TwoWayShare) -> Share:
         """A cause's contribution; fractions are projections, so that all of them add up to one."""
-        whole = self.values
-        square = float(whole @ whole)
+        square = float(self.values @ self.values)
 
         def fraction(values: FloatArray) -> float | None:
-            return float(values @ whole) / square if square else None
+            return float(values @ self.values) / square if square else None
 
         rms, largest = self.size(part.share)
         return Share(
@@ -395,8 +394,12 @@ class Observed:
         )
 
 
-def observed(curves: Curves) -> dict[str, Observed]:
-    """Every quantity a budget is made for, by its name; what the run does not tell is absent."""
+Errors = Mapping[str, Observed]
+"""Every quantity of a run that a budget is made for, by its name."""
+
+
+def observed(curves: Curves) -> Errors:
+    """The errors of a run; what it does not tell is absent."""
     position = np.array(curves.positions[curves.farthest]).ravel()
     quantities = {"position": Observed("m", position, components=2)}
     for stop, torque in curves.torques.items():
@@ -412,36 +415,17 @@ def observed(curves: Curves) -> dict[str, Observed]:
     return {name: each for name, each in quantities.items() if np.isfinite(each.values).all()}
 
 
-@dataclass(frozen=True)
-class TwoWayShare:
-    """A cause's contribution to one quantity, as functions of time."""
+def _noise(run: Errors, others: Sequence[Errors], name: str) -> float:
+    """Size of the random part of a run [rms], from runs that differ in their last bits only.
 
-    share: FloatArray
-    first: FloatArray
-    """Found one way: in the order of the table."""
-    second: FloatArray
-    """Found the other way: in the reverse order, or by scaling."""
-
-    @classmethod
-    def of(cls, first: FloatArray, second: FloatArray) -> TwoWayShare:
-        """The mean of two ways."""
-        return cls((first + second) / 2, first, second)
-
-
-@dataclass
-class _Chain:
-    """Deviations with more and more causes taken out: one more than there are causes."""
-
-    causes: tuple[Cause, ...]
-    deviations: list[Curves]
-
-    def part(self, cause: Cause, quantity: str) -> FloatArray:
-        """Change from taking out one more cause, extrapolated where a known part of it remains."""
-        i = [known.name for known in self.causes].index(cause.name)
-        removal = self.causes[i].removal
-        assert removal is not None
-        before, after = (observed(d)[quantity].values for d in self.deviations[i : i + 2])
-        return (before - after) / (1.0 - removal.leaves)
+    The difference of two such runs has twice the variance of one.
+    """
+    squares: list[float] = []
+    for other in others:
+        if name in other:
+            difference = other[name].values - run[name].values
+            squares.append(run[name].size(difference)[0] ** 2 / 2)
+    return math.sqrt(sum(squares) / len(squares)) if squares else 0.0
 
 
 def budget(runs: EngineRuns, engine: Engine) -> Budget:
@@ -461,10 +445,9 @@ def budget(runs: EngineRuns, engine: Engine) -> Budget:
     )
     if base.curves is None:
         return empty
-    point = base.curves.farthest
-    known = causes_of(engine, runs.mechanism)
-    measurement = _BudgetRuns(runs, engine, known, base.curves.of_point(point))
-    quantities = measurement.quantities()
+    known, point = causes_of(engine, runs.mechanism), base.curves.farthest
+    measured = _BudgetRuns(runs, engine, known, point, observed(base.curves.of_point(point)))
+    quantities = measured.quantities()
     causes: list[Measurement] = []
     for cause in known:
         ways = [way for way in (cause.removal, cause.scaling) if way is not None]
@@ -474,7 +457,7 @@ def budget(runs: EngineRuns, engine: Engine) -> Budget:
                 explanation=cause.explanation,
                 done="; or ".join(way.described(engine.settings) for way in ways),
                 after=cause.after,
-                message=measurement.failed.get(cause.name),
+                message=measured.failed.get(cause.name),
             )
         )
     changed = "gravity" if runs.mechanism.gravity else "start speeds"
@@ -483,7 +466,7 @@ def budget(runs: EngineRuns, engine: Engine) -> Budget:
         explanation="the random part: what changes when the machine's data change in their last "
         "bits",
         done=f"{changed} changed by ±{LAST_BITS:g} of itself",
-        message=measurement.failed.get(_ROUNDOFF),
+        message=measured.failed.get(_ROUNDOFF),
     )
     update = {"point": point, "causes": (*causes, roundoff), "quantities": quantities}
     return empty.model_copy(update=update)
@@ -491,56 +474,47 @@ def budget(runs: EngineRuns, engine: Engine) -> Budget:
 
 @dataclass
 class _BudgetRuns:
-    """The runs of one budget."""
+    """The runs of one budget, by their errors."""
 
     runs: EngineRuns
     engine: Engine
     causes: Sequence[Cause]
-    base: Curves
+    point: str
+    """Whose position is split."""
+    base: Errors
     failed: dict[str, str] = field(default_factory=dict[str, str])
     """Why a cause could not be measured, by its name."""
 
     def quantities(self) -> tuple[QuantityBudget, ...]:
         """The budget of every quantity that all runs tell."""
-        first, second = self._chains()
+        (first, there), (second, back) = self._chains()
         alone = self._scaled()
-        ideal = first.deviations[-1]
-        runs = [*first.deviations, *second.deviations, *(larger for larger, _ in alone.values())]
         near_base = self._last_bits([], (1, -1))
-        near_ideal = self._last_bits(self._removals(first.causes), (1,))
+        near_ideal = self._last_bits(self._removals(first), (1,))
         # What is left is the ideal run, extrapolated with the base where a removal leaves a known
         # part: the weight of the ideal run's own error.
-        leaves = [cause.removal.leaves if cause.removal else 0.0 for cause in first.causes]
+        leaves = [cause.removal.leaves if cause.removal else 0.0 for cause in first]
         weight = 1.0 + sum(part / (1.0 - part) for part in leaves)
-
-        def noise(whole: Observed, run: Curves, near: Sequence[Curves], name: str) -> float:
-            others = [observed(other) for other in near]
-            values = [quantities[name].values for quantities in others if name in quantities]
-            return whole.noise(observed(run)[name].values, values)
-
+        runs = [*there, *back, *(larger for larger, _ in alone.values())]
         quantities: list[QuantityBudget] = []
-        for name, whole in observed(self.base).items():
-            if not all(name in observed(run) for run in runs):
+        for name, whole in self.base.items():
+            if not all(name in run for run in runs):
                 continue
-            scaled: dict[str, FloatArray] = {}
+            e, parts = whole.values, dict[str, TwoWayShare]()
+            forwards, backwards = _changes(first, there, name), _changes(second, back, name)
+            for cause, change in forwards.items():
+                share = (change + backwards[cause]) / 2
+                parts[cause] = TwoWayShare(share, change, backwards[cause])
             for cause, (larger, factor) in alone.items():
-                growth = observed(larger)[name].values - whole.values
-                scaled[cause] = growth / (factor - 1.0)
-            parts: dict[str, TwoWayShare] = {}
-            for cause in first.causes:
-                part = TwoWayShare.of(first.part(cause, name), second.part(cause, name))
-                if cause.name in scaled:
-                    # Shares of removals add up: scaling, an independent measure, is shown beside
-                    # them and makes the band.
-                    part = TwoWayShare(part.share, part.share, scaled[cause.name])
-                parts[cause.name] = part
-            for cause, part in scaled.items():
-                parts.setdefault(cause, TwoWayShare.of(part, part))
-            roundoff = noise(whole, self.base, near_base, name)
+                scaled = (larger[name].values - e) / (factor - 1.0)
+                # Shares of removals add up: scaling, an independent measure, is shown beside them
+                # and makes the band.
+                share = parts[cause].share if cause in parts else scaled
+                parts[cause] = TwoWayShare(share, share, scaled)
+            roundoff = _noise(self.base, near_base, name)
             left = math.hypot(
-                weight * noise(whole, ideal, near_ideal, name), (weight - 1.0) * roundoff
+                weight * _noise(there[-1], near_ideal, name), (weight - 1.0) * roundoff
             )
-            e = whole.values
             rest = e - np.sum([part.share for part in parts.values()], axis=0) if parts else e
             rms, largest = whole.size(e)
             rest_rms, rest_largest = whole.size(rest)
@@ -554,7 +528,7 @@ class _BudgetRuns:
                     rms=rms,
                     largest=largest,
                     shares=tuple(whole.share(cause, part) for cause, part in parts.items()),
-                    rest=whole.share("unexplained", TwoWayShare.of(rest, rest)),
+                    rest=whole.share("unexplained", TwoWayShare(rest, rest, rest)),
                     rest_rms=rest_rms,
                     rest_largest=rest_largest,
                     roundoff=roundoff,
@@ -564,67 +538,80 @@ class _BudgetRuns:
             )
         return tuple(quantities)
 
-    def _chains(self) -> tuple[_Chain, _Chain]:
-        """Both orders of removal, without the causes whose runs fail in either."""
-        removable = [cause for cause in self.causes if cause.removal is not None]
+    def _chains(self) -> list[tuple[tuple[Cause, ...], list[Errors]]]:
+        """Both orders of removal with their runs: one more than there are causes, base first.
+
+        Causes whose runs fail in either order are in none.
+        """
         while True:
-            left = [cause for cause in removable if cause.name not in self.failed]
+            left = [c for c in self.causes if c.removal is not None and c.name not in self.failed]
+            chains: list[tuple[tuple[Cause, ...], list[Errors]]] = []
             try:
-                first, second = (_Chain(order, self._along(order)) for order in orders(left))
+                for order in orders(left):
+                    along = [self.base]
+                    for n, cause in enumerate(order, start=1):
+                        along.append(self._errors(self._removals(order[:n]), cause.name))
+                    chains.append((order, along))
             except VariantFailedError as failure:
                 self.failed[failure.cause] = str(failure)
             else:
-                return first, second
-
-    def _along(self, order: Sequence[Cause]) -> list[Curves]:
-        deviations = [self.base]
-        for n, cause in enumerate(order, start=1):
-            # Merged in the table's order whatever the order of removal: the same causes are the
-            # same run.
-            deviations.append(self._deviation(self._removals(order[:n]), cause.name))
-        return deviations
+                return chains
 
     def _removals(self, causes: Sequence[Cause]) -> list[Intervention]:
+        """How causes are taken out, in the table's order: the same causes are the same run."""
         names = {cause.name for cause in causes}
         table = orders(self.causes)[0]
         return [c.removal for c in table if c.name in names and c.removal is not None]
 
-    def _deviation(
+    def _errors(
         self, interventions: Sequence[Intervention], cause: str, last_bits: int = 0
-    ) -> Curves:
+    ) -> Errors:
         try:
             run = varied(self.runs, self.engine, interventions, last_bits)
         except InputError as error:
             raise VariantFailedError(cause, str(error)) from error
         if run.curves is None:
             raise VariantFailedError(cause, run.message or "it did not run")
-        return run.curves.of_point(self.base.farthest)
+        return observed(run.curves.of_point(self.point))
 
-    def _scaled(self) -> dict[str, tuple[Curves, float]]:
-        """Deviations with one cause made larger, and by what factor."""
-        deviations: dict[str, tuple[Curves, float]] = {}
+    def _scaled(self) -> dict[str, tuple[Errors, float]]:
+        """Errors with one cause made larger, and by what factor."""
+        larger: dict[str, tuple[Errors, float]] = {}
         for cause in self.causes:
             if cause.scaling is None:
                 continue
             try:
-                larger = self._deviation([cause.scaling], cause.name)
+                errors = self._errors([cause.scaling], cause.name)
             except VariantFailedError as failure:
                 if cause.removal is None:  # with a removal, this is the second measure only
                     self.failed[cause.name] = str(failure)
             else:
-                deviations[cause.name] = larger, cause.scaling.leaves
-        return deviations
+                larger[cause.name] = errors, cause.scaling.leaves
+        return larger
 
     def _last_bits(
         self, interventions: Sequence[Intervention], signs: Sequence[int]
-    ) -> list[Curves]:
-        deviations: list[Curves] = []
+    ) -> list[Errors]:
+        near: list[Errors] = []
         for sign in signs:
             try:
-                deviations.append(self._deviation(interventions, _ROUNDOFF, sign))
+                near.append(self._errors(interventions, _ROUNDOFF, sign))
             except VariantFailedError as failure:
                 self.failed[_ROUNDOFF] = str(failure)
-        return deviations
+        return near
+
+
+def _changes(order: Sequence[Cause], runs: Sequence[Errors], name: str) -> dict[str, FloatArray]:
+    """Change of a quantity from taking out each cause after those before it.
+
+    It is extrapolated where a known part of the cause remains.
+    """
+    changes: dict[str, FloatArray] = {}
+    for cause, before, after in zip(order, runs, runs[1:], strict=False):
+        assert cause.removal is not None
+        change = before[name].values - after[name].values
+        changes[cause.name] = change / (1.0 - cause.removal.leaves)
+    return changes
 
 
 def orders(causes: Sequence[Cause]) -> tuple[tuple[Cause, ...], tuple[Cause, ...]]:

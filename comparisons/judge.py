@@ -518,16 +518,16 @@ def _refuse_halves(values: Mapping[str, FloatArray], mechanism: Mechanism) -> No
         raise InputError(f"column {u[0]!r} is there without {q[0]!r}")
 
 
-# CSV
-
-
 @contextmanager
-def _in_line(number: int) -> Generator[None]:
-    """Adds the number of the line to errors."""
+def _inside(part: str) -> Generator[None]:
+    """Adds the line or the variable to errors."""
     try:
         yield
     except (InputError, csv.Error) as error:
-        raise InputError(f"line {number}: {error}") from None
+        raise InputError(f"{part}: {error}") from None
+
+
+# CSV
 
 
 def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
@@ -539,7 +539,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
     releases, impacts = dict[str, float | None](), list[GivenImpact]()
     rows: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines, 1):
-        with _in_line(number):
+        with _inside(f"line {number}"):
             if line.lstrip().startswith("#"):
                 _read_comment(line, mechanism, releases, impacts)
             elif line.strip():
@@ -547,7 +547,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
     if not rows:
         raise InputError("it is empty; a line of headings such as 't [s],q theta [rad]' is needed")
     (first, headings), *rows = rows
-    with _in_line(first):
+    with _inside(f"line {first}"):
         columns = _read_headings(headings, _columns_of(mechanism))
         if len(rows) < 2:
             raise InputError(f"{len(rows)} lines of numbers follow; at least two are needed")
@@ -557,7 +557,7 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
             raise InputError(
                 f"line {number} has {len(cells)} values; the headings are {len(columns)}"
             )
-        with _in_line(number):
+        with _inside(f"line {number}"):
             table[k] = [_number(cell, name) for cell, name in zip(cells, columns, strict=True)]
     table *= list(columns.values())
     values = {name: table[:, i].copy() for i, name in enumerate(columns)}
@@ -678,14 +678,10 @@ def _netcdf(content: bytes, mechanism: Mechanism) -> _Contents:
     columns = _columns_of(mechanism)
     values = {TIME: t * _stated_factor("time", dataset, columns[TIME], TIME)}
     for name, column, series in _series(dataset):
-        try:
+        with _inside(f"variable {name!r}"):
             _refuse_unknown(column, columns)
-        except InputError as error:
-            raise InputError(f"variable {name!r}: {error}") from None
-        if series.shape != t.shape or not (np.abs(series) <= _LARGEST).all():
-            raise InputError(
-                f"variable {name!r}: {column!r} does not have one finite number a time"
-            )
+            if series.shape != t.shape or not (np.abs(series) <= _LARGEST).all():
+                raise InputError(f"{column!r} does not have one finite number a time")
         values[column] = series * _stated_factor(name, dataset, columns[column], column)
     return values, _netcdf_releases(dataset, mechanism), _netcdf_impacts(dataset, mechanism)
 
@@ -700,10 +696,8 @@ def _stated_factor(variable: str, dataset: Any, units: _Units, column: str) -> f
     first, _, others = stated.partition("(")
     several = [first.strip(), others.partition(":")[2].strip(" )")]
     unit = next((unit for unit in several if unit in units), stated)
-    try:
+    with _inside(f"variable {variable!r}"):
         return _si_value(unit, units, column)
-    except InputError as error:
-        raise InputError(f"variable {variable!r}: {error}") from None
 
 
 def _series(dataset: Any) -> Iterator[tuple[str, str, FloatArray]]:

@@ -367,21 +367,6 @@ class Ratio:
 
 
 @dataclass(frozen=True)
-class Ratios:
-    """Ratios of errors of pairs of runs on one problem."""
-
-    found: tuple[Ratio, ...]
-
-    def __str__(self) -> str:
-        if not self.found:
-            return "no pair"
-        largest = max(self.found, key=lambda each: each.value)
-        count, middle = len(self.found), median(each.value for each in self.found)
-        rest = "one pair" if count == 1 else f"{count} pairs, median {middle:.2g}"
-        return f"{largest.value:.2g} at most ({largest.runs}; {rest})"
-
-
-@dataclass(frozen=True)
 class Spread:
     """Spread of one scheme, on problems with stops or loops or on those without."""
 
@@ -389,8 +374,8 @@ class Spread:
     constrained: bool
     engines: tuple[str, ...]
     moved: tuple[str, ...]  # those of them whose steps are trebucheck's: one implementation
-    within: Ratios  # of two engines of the scheme
-    between: Ratios  # of one of them and one of another scheme
+    within: tuple[Ratio, ...]  # of two engines of the scheme
+    between: tuple[Ratio, ...]  # of one of them and one of another scheme
 
 
 def spreads(matrix: Matrix) -> Iterator[Spread]:
@@ -413,7 +398,7 @@ def spreads(matrix: Matrix) -> Iterator[Spread]:
                     elif scheme in (a.scheme, b.scheme):
                         between.append(ratio)
             if within:
-                pairs = Ratios(tuple(within)), Ratios(tuple(between))
+                pairs = tuple(within), tuple(between)
                 yield Spread(scheme, constrained, tuple(engines), tuple(moved), *pairs)
 
 
@@ -438,8 +423,17 @@ def sentence(spread: Spread) -> str:
     one = ""
     if len(spread.moved) > 1:
         one = f"; the steps of {' and '.join(spread.moved)} are trebucheck's"
+    texts: list[str] = []
+    for ratios in (spread.within, spread.between):
+        if not ratios:
+            texts.append("no pair")
+            continue
+        largest = max(ratios, key=lambda ratio: ratio.value)
+        middle = median(ratio.value for ratio in ratios)
+        rest = "one pair" if len(ratios) == 1 else f"{len(ratios)} pairs, median {middle:.2g}"
+        texts.append(f"{largest.value:.2g} at most ({largest.runs}; {rest})")
     return (
         f"position errors of two of its engines ({', '.join(spread.engines)}) on one problem "
-        f"{where}, at equal steps, have a ratio of {spread.within}; those of one of them and one "
-        f"of another scheme {spread.between}{one}."
+        f"{where}, at equal steps, have a ratio of {texts[0]}; those of one of them and one "
+        f"of another scheme {texts[1]}{one}."
     )

@@ -42,11 +42,7 @@ def write_bytes(path: str | Path, content: bytes | memoryview) -> None:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write UTF-8 text, whole or not at all.
-
-    Raises:
-        UnwritableError: as :func:`write_bytes`.
-    """
+    """Write UTF-8 text, whole or not at all; raises as :func:`write_bytes`."""
     write_bytes(path, text.encode())
 
 

@@ -61,7 +61,7 @@ class CompiledEquations:
     """The equations under one set of constraints, as arrays."""
 
     name: str
-    """Of the mechanism."""
+    """Name of the mechanism."""
     n_q: int
     angles: FloatArray
     """1 for an angle, 0 for a slide, shape (n_q,)."""
@@ -73,9 +73,9 @@ class CompiledEquations:
     inertias: FloatArray
     added: Added
     point_rows: ComplexArray
-    """Of the constraints; zero for one on angles, shape (n_constraints, n_q)."""
+    """Rows of the constraints; zero for one on angles, shape (n_constraints, n_q)."""
     angle_rows: FloatArray
-    """Of the constraints; zero for one on points, shape (n_constraints, n_q)."""
+    """Rows of the constraints; zero for one on points, shape (n_constraints, n_q)."""
 
     @cached_property
     def arrays(self) -> tuple[Any, ...]:

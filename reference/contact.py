@@ -104,7 +104,7 @@ def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
 def active_contacts(
     equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
 ) -> tuple[str, ...]:
-    """Which of the touching stops push (torque >= 0), the others being about to open.
+    """Those of the touching stops that push (torque >= 0); the others are about to open.
 
     A stop whose torque would be negative cannot push and is left out, all stops decided at once.
 

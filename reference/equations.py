@@ -106,10 +106,8 @@ class Equations:
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Energy of gravity, zero at the world's origin, and of springs [J], shape (...,)."""
-        of_gravity = self.kinematics.potential_energy(q)
-        return (
-            of_gravity if self._applied is None else of_gravity + self._applied.potential_energy(q)
-        )
+        energy = self.kinematics.potential_energy(q)
+        return energy if self._applied is None else energy + self._applied.potential_energy(q)
 
     def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Q(q) - b(q, u): all generalized forces but the constraints', shape (..., n_q)."""
@@ -127,15 +125,10 @@ class Equations:
         """J^H K J, shape (..., n_q, n_q)."""
         if not self.kinematics.carried:
             return rates.conj()[..., :, None] * self._products * rates[..., None, :]
-        jacobian = self._jacobian(q, rates)
-        return np.swapaxes(jacobian.conj(), -1, -2) @ self._products @ jacobian
-
-    def _jacobian(self, q: FloatArray, rates: ComplexArray) -> ComplexArray:
-        """J = dw/dq, shape (..., n_q, n_q)."""
-        jacobian = rates[..., None, :] * np.eye(len(self._angles))
+        jacobian = rates[..., None, :] * np.eye(len(self._angles))  # dw/dq
         for k, c in self.kinematics.carried:
             jacobian[..., k, c] = -1j * q[..., k] * rates[..., k]
-        return jacobian
+        return np.swapaxes(jacobian.conj(), -1, -2) @ self._products @ jacobian
 
     def _bias(
         self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray
@@ -300,9 +293,8 @@ class Equations:
         self, mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of M a - G^T lam = f, G a = right."""
-        solution = self._solved(
-            kkt_matrix(mass, jacobian), np.concatenate([forces, right], axis=-1)
-        )
+        both = np.concatenate([forces, right], axis=-1)
+        solution = self._solved(kkt_matrix(mass, jacobian), both)
         return solution[..., : mass.shape[-1]], solution[..., mass.shape[-1] :]
 
     def _solved(self, matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -64,9 +64,53 @@ def solve(
             singular or leave the finite numbers, or there are more than ten thousand events.
     """
     with numerical("from the start"), one_thread():
-        return _Integration(
-            problem, rtol, atol, equations or Equations(problem.mechanism), most_steps
-        ).run()
+        return _integrate(
+            problem, equations or Equations(problem.mechanism), rtol, atol, most_steps
+        )
+
+
+def _integrate(
+    problem: Problem, equations: Equations, rtol: float, atol: float, most_steps: int
+) -> Solution:
+    started, mechanism = time.perf_counter(), problem.mechanism
+    n_q, evaluations, n_events = len(mechanism.coordinates), 0, 0
+    segments: list[Segment] = []
+    active_set = ActiveSet(problem, equations)
+    limit = StepLimit(2 * n_q, problem.duration, most_steps)
+    note_singular_start(equations, *initial_state(mechanism))
+    initial = active_set.begin()
+    while initial.t < problem.duration:
+        # Under one active set, to its first events or to the end.
+        finder = EventFinder(equations, initial, active_set.event_functions(initial))
+        y = np.concatenate([initial.q, initial.u])
+        to, tolerance = problem.duration, (rtol, atol)
+        segment, events, stepper = integrate_segment(
+            equations, initial.closed, initial.t, y, to, tolerance, finder.first, limit
+        )
+        evaluations += stepper.nfev
+        n_events += len(events)
+        if n_events > _MAX_EVENTS:
+            raise SimulationError(
+                f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s."
+            )
+        if segment.end > segment.start or not events:
+            segments.append(segment)
+        if not events:
+            break
+        t, (q, u) = events[0].t, np.split(events[0].state, 2)
+        functions = [event.function for event in events]
+        initial = active_set.after(t, q.copy(), u.copy(), initial.closed, functions)
+    return Solution(
+        problem=problem,
+        equations=equations,
+        segments=tuple(segments),
+        release_times=active_set.releases,
+        impacts=tuple(active_set.impacts),
+        rest_times=active_set.rest_times,
+        evaluations=evaluations,
+        settings={"rtol": rtol, "atol": atol},
+        wall_time=time.perf_counter() - started,
+    )
 
 
 def characteristic_time(mechanism: Mechanism) -> float:
@@ -82,13 +126,9 @@ def characteristic_time(mechanism: Mechanism) -> float:
         raise InputError("gravity = 0.0 of the mechanism: nothing would fall; it must be positive.")
     reach = 0.0
     for body, joint in zip(mechanism.bodies, mechanism.tree_joints, strict=True):
-        points = [
-            body.centre,
-            *(marker.point for marker in mechanism.markers if marker.body == body.name),
-        ]
-        reach += max(math.dist(joint.child_point, point) for point in points) + math.dist(
-            joint.parent_point, (0, 0)
-        )
+        points = [marker.point for marker in mechanism.markers if marker.body == body.name]
+        longest = max(math.dist(joint.child_point, point) for point in (body.centre, *points))
+        reach += longest + math.dist(joint.parent_point, (0, 0))
     return math.sqrt(max(reach, 1e-6) / mechanism.gravity)
 
 
@@ -120,78 +160,10 @@ def solve_to_launch(mechanism: Mechanism, stop_law: StopLaw = StopLaw.RELEASE_ON
     scale = characteristic_time(mechanism)
 
     def launched(solution: Solution) -> bool:
-        return (
-            solution.launch is not None and solution.launch.time < 0.9 * solution.segments[-1].end
-        )
+        launch = solution.launch
+        return launch is not None and launch.time < 0.9 * solution.segments[-1].end
 
     return solve_until(mechanism, (spans * scale for spans in _LAUNCH_SPANS), launched, stop_law)
-
-
-class _Integration:
-    def __init__(
-        self, problem: Problem, rtol: float, atol: float, equations: Equations, most_steps: int
-    ) -> None:
-        self.problem = problem
-        self.equations = equations
-        self.active_set = ActiveSet(problem, self.equations)
-        self.tolerances = {"rtol": rtol, "atol": atol}
-        self.limit = StepLimit(2 * len(problem.mechanism.coordinates), problem.duration, most_steps)
-        self.evaluations = 0
-
-    def run(self) -> Solution:
-        started = time.perf_counter()
-        note_singular_start(self.equations, *initial_state(self.problem.mechanism))
-        initial = self.active_set.begin()
-        segments: list[Segment] = []
-        n_events = 0
-        while initial.t < self.problem.duration:
-            segment, events = self._segment(initial)
-            n_events += len(events)
-            if n_events > _MAX_EVENTS:
-                raise SimulationError(
-                    f"the reference met more than {_MAX_EVENTS} events by t = {initial.t:.6g} s."
-                )
-            if segment.end > segment.start or not events:
-                segments.append(segment)
-            if not events:
-                break
-            initial = self._after(events, initial)
-        return Solution(
-            problem=self.problem,
-            equations=self.equations,
-            segments=tuple(segments),
-            release_times=self.active_set.releases,
-            impacts=tuple(self.active_set.impacts),
-            rest_times=self.active_set.rest_times,
-            evaluations=self.evaluations,
-            settings=self.tolerances,
-            wall_time=time.perf_counter() - started,
-        )
-
-    def _segment(self, initial: PostEventState) -> tuple[Segment, list[Event]]:
-        """Integrate under one active set, to its first events or to the end."""
-        finder = EventFinder(self.equations, initial, self.active_set.event_functions(initial))
-        y = np.concatenate([initial.q, initial.u])
-        tolerance = (self.tolerances["rtol"], self.tolerances["atol"])
-        segment, events, stepper = integrate_segment(
-            self.equations,
-            initial.closed,
-            initial.t,
-            y,
-            self.problem.duration,
-            tolerance,
-            finder.first,
-            self.limit,
-        )
-        self.evaluations += stepper.nfev
-        return segment, events
-
-    def _after(self, events: list[Event], before: PostEventState) -> PostEventState:
-        n_q, state = len(self.problem.mechanism.coordinates), events[0].state
-        functions = [event.function for event in events]
-        return self.active_set.after(
-            events[0].t, state[:n_q].copy(), state[n_q:].copy(), before.closed, functions
-        )
 
 
 def integrate_segment(
@@ -264,9 +236,8 @@ class _Path:
     def cross(self, window: Window) -> FloatArray:
         """Go on across a singular position; coordinates and speeds behind it, (2, n_q)."""
         piece = window.dense_output()
-        end, self.events = first_events(
-            self._locate, piece, window.start, min(window.end, self._end)
-        )
+        last = min(window.end, self._end)
+        end, self.events = first_events(self._locate, piece, window.start, last)
         self.times.append(end)
         self._pieces.append(piece)
         self._windows.append(window.until(end, releases(self.events)))
@@ -336,11 +307,8 @@ class EventFinder:
             return []
         earliest = min(t for t, _ in crossings)
         state = np.asarray(piece(earliest), dtype=np.float64)
-        return [
-            Event(function, earliest, state)
-            for t, function in crossings
-            if t - earliest <= _SAME_TIME
-        ]
+        together = [function for t, function in crossings if t - earliest <= _SAME_TIME]
+        return [Event(function, earliest, state) for function in together]
 
     def _release(
         self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray
@@ -355,10 +323,8 @@ class EventFinder:
         falls = np.flatnonzero((values[1:] < 0) & (values[:-1] >= 0))
         if not len(falls):
             return None
-        i = int(falls[0])
-        return _root(
-            lambda t: float(torque(np.asarray(piece(t)))), float(times[i]), float(times[i + 1])
-        )
+        start, end = times[falls[0] : falls[0] + 2].tolist()
+        return _root(lambda t: float(torque(np.asarray(piece(t)))), start, end)
 
     def _closing(
         self, stop: str, piece: DenseOutput, times: FloatArray, states: FloatArray

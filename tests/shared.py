@@ -48,7 +48,7 @@ class Kept:
 
 MOTIONS, STRETCHINGS, UNCERTAINTIES = Kept(), Kept(), Kept()
 _run, _stretching, _uncertainties = (
-    solver._Integration.run,
+    solver._integrate,
     stretching.stretching_until,
     runner.reference_uncertainties,
 )
@@ -70,11 +70,10 @@ def _as_ever() -> bool:
 
 
 @wraps(_run)
-def _shared_run(self: Any) -> Any:
-    if type(self.equations) is not Equations or not _as_ever():
-        return _run(self)
-    key = (self.problem, *self.tolerances.values(), self.limit.most)
-    return MOTIONS.get(key, lambda: _run(self))
+def _shared_run(problem: Any, equations: Any, *limits: float) -> Any:
+    if type(equations) is not Equations or not _as_ever():
+        return _run(problem, equations, *limits)
+    return MOTIONS.get((problem, *limits), lambda: _run(problem, equations, *limits))
 
 
 # The arguments are part of a result, so that no other object gets their identities.
@@ -97,7 +96,7 @@ def _shared_uncertainties(*arguments: Any) -> Any:
 
 def share_motions() -> None:
     """From now on; :func:`switch_motions` says for which tests."""
-    solver._Integration.run = _shared_run
+    solver._integrate = _shared_run
     stretching.stretching_until = runner.stretching_until = _shared_stretching
     runner.reference_uncertainties = _shared_uncertainties
 

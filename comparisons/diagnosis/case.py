@@ -169,29 +169,23 @@ class Channels:
         return {quantity: stacked[:, columns] for quantity, columns in self._columns.items()}
 
 
-@dataclass(frozen=True)
-class Match:
-    """A suspect's signature fitted to a deviation."""
+def share_of(deviation: FloatArray, signature: FloatArray) -> float:
+    """Share of a deviation that a signature explains; negative where it makes it worse.
 
-    factor: float
-    """Factor of the signature."""
-    explained: float
-    """1 - |deviation - factor signature| / |deviation|; negative where it makes it worse."""
-
-
-def match(deviation: FloatArray, signature: FloatArray, fixed: bool = False) -> Match:
-    """Fit a signature to a deviation, both flat vectors in units of their size.
-
-    Args:
-        deviation, signature: of one shape.
-        fixed: the signature counts as it is, its factor is 1.
+    1 - |deviation - signature| / |deviation|, both flat vectors in units of their size.
     """
     size, length = float(np.linalg.norm(deviation)), float(signature @ signature)
     if size == 0.0 or length == 0.0 or not np.isfinite(length):
-        return Match(0.0, 0.0)
-    factor = 1.0 if fixed else float(signature @ deviation) / length
-    left = float(np.linalg.norm(deviation - factor * signature))
-    return Match(factor, 1.0 - left / size)
+        return 0.0
+    return 1.0 - float(np.linalg.norm(deviation - signature)) / size
+
+
+def factor_of(deviation: FloatArray, signature: FloatArray) -> float:
+    """The factor with which a signature fits a deviation best."""
+    length = float(signature @ signature)
+    if length == 0.0 or not np.isfinite(length):
+        return 0.0
+    return float(signature @ deviation) / length
 
 
 def fit(deviation: FloatArray, signatures: FloatArray) -> tuple[FloatArray, float]:

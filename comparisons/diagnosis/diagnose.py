@@ -14,7 +14,6 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
@@ -36,7 +35,7 @@ from ..runs.metrics import THROWN, AlignedRun, against
 from ..runs.quantities import Kind
 from ..runs.results import Diagnosis, Equality, Metric, RankedCause
 from ..runs.runner import failure
-from .case import Case, fit, match
+from .case import Case, factor_of, fit, share_of
 from .equivalence import (
     EXACT,
     check_model,
@@ -69,16 +68,27 @@ _COARSE = 1e-9  # tolerance of the coarser integration: its error is far above t
 # of the growth to the end: an engine's steps and soft stops show from the first one on
 _LEAST = 1e-3
 _GROWTH_SAMPLES = 400
-# Fields of a trajectory by metric
-_POINTS = {"position_max": "position", "velocity_max": "velocity"}
-_COORDINATES = {
-    "angle_max": "q",
-    "slide_max": "q",
-    "angular_speed_max": "u",
-    "slide_speed_max": "u",
+_Series = Callable[[Trajectory, str], FloatArray]
+_POINTS: dict[str, _Series] = {
+    "position_max": lambda run, marker: run.marker(marker).position,
+    "velocity_max": lambda run, marker: run.marker(marker).velocity,
 }
-_EFFORTS = {"stop_torque_max": "stop_torque", "joint_reaction_max": "joint_reaction"}
-_ENERGIES = {"kinetic_energy_max": "kinetic_energy", "potential_energy_max": "potential_energy"}
+_COORDINATES: dict[str, _Series] = {
+    "angle_max": lambda run, name: run.q[:, run.mechanism.coordinates.index(name)],
+    "slide_max": lambda run, name: run.q[:, run.mechanism.coordinates.index(name)],
+    "angular_speed_max": lambda run, name: run.u[:, run.mechanism.coordinates.index(name)],
+    "slide_speed_max": lambda run, name: run.u[:, run.mechanism.coordinates.index(name)],
+}
+_CARRIED_ON = _POINTS | _COORDINATES
+"""Quantities by metric whose errors the motion carries on to later times."""
+_SERIES: dict[str, _Series] = {
+    **_CARRIED_ON,
+    "stop_torque_max": lambda run, stop: run.stop_torque(stop),
+    "joint_reaction_max": lambda run, joint: run.joint_reaction(joint),
+    "kinetic_energy_max": lambda run, _: run.kinetic_energy,
+    "potential_energy_max": lambda run, _: run.potential_energy,
+}
+"""Quantities along the motion by the metric of their largest error and its subject."""
 
 
 @dataclass(frozen=True)
@@ -93,16 +103,32 @@ class Onset:
 
 def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
     """The earliest of all violated quantities; None where none of them belongs to a time."""
-
-    @cache
-    def error_growth() -> FloatArray:
-        return growth(c.solution, c.t)
-
+    own, right, grown = c.trajectory, c.reference, None
     onsets: dict[str, float] = {}
     for metric in violated:
-        time = _time(c, metric, error_growth)
-        if time is not None:
-            onsets[metric.label] = time
+        name, allowed, times = metric.subject or "", metric.tolerance, list[float | None]()
+        if metric.name == "release_time":
+            times = [right.release_times.get(name), own.release_times.get(name)]
+        elif metric.name == "impact_time":
+            times = [*impact_times(c.solution, name), *impact_times(own, name)]
+        elif metric.name in ("launch_time", "launch_speed"):
+            launch = c.solution.launch_at(LAUNCH_ANGLE, name or THROWN)
+            times = [launch.time if launch else None]
+        elif allowed is not None and (metric.name in _SERIES or metric.name == "energy_balance"):
+            if metric.name in _SERIES:
+                series = _SERIES[metric.name]
+                distance = c.distance(series(own, name), series(right, name))
+            else:
+                distance = c.distance(*c.balance)
+            limit = np.full_like(c.t, allowed)
+            if metric.name in _CARRIED_ON:
+                if grown is None:
+                    grown = growth(c.solution, c.t)
+                limit = allowed * grown
+            times = c.t[~(distance <= limit) & c.smooth][:1].tolist()
+        known = [time for time in times if time is not None]
+        if known:
+            onsets[metric.label] = min(known)
     if not onsets:
         return None
     first = min(onsets, key=lambda label: onsets[label])
@@ -112,43 +138,6 @@ def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
 def active_contacts_at(solution: Solution, t: float) -> tuple[str, ...]:
     """Stops that are active in the reference at t [s]."""
     return next((s.closed for s in solution.segments if s.start <= t <= s.end), ())
-
-
-def _time(c: AlignedRun, metric: Metric, error_growth: Callable[[], FloatArray]) -> float | None:
-    """When a violated quantity leaves its tolerance [s]."""
-    own, right, name = c.trajectory, c.reference, metric.subject or ""
-    if metric.name == "release_time":
-        releases = right.release_times.get(name), own.release_times.get(name)
-        return min((t for t in releases if t is not None), default=None)
-    if metric.name == "impact_time":
-        return min((*impact_times(c.solution, name), *impact_times(own, name)), default=None)
-    if metric.name in ("launch_time", "launch_speed"):
-        launch = c.solution.launch_at(LAUNCH_ANGLE, name or THROWN)
-        return launch.time if launch else None
-    allowed = metric.tolerance
-    if allowed is None:
-        return None
-    # The quantity along the motion; other metrics are no maxima over time.
-    if metric.name in _POINTS:
-        field = _POINTS[metric.name]
-        sides = getattr(own.marker(name), field), getattr(right.marker(name), field)
-    elif metric.name in _COORDINATES:
-        i, field = own.mechanism.coordinates.index(name), _COORDINATES[metric.name]
-        sides = getattr(own, field)[:, i], getattr(right, field)[:, i]
-    elif metric.name in _EFFORTS:
-        method = _EFFORTS[metric.name]
-        sides = getattr(own, method)(name), getattr(right, method)(name)
-    elif metric.name == "energy_balance":
-        sides = c.balance
-    elif metric.name in _ENERGIES:
-        field = _ENERGIES[metric.name]
-        sides = getattr(own, field), getattr(right, field)
-    else:
-        return None
-    if metric.name in _POINTS or metric.name in _COORDINATES:  # the motion carries these errors on
-        allowed = allowed * error_growth()
-    beyond = np.flatnonzero(~(c.distance(*sides) <= allowed) & c.smooth)
-    return float(c.t[beyond[0]]) if len(beyond) else None
 
 
 def growth(solution: Solution, t: FloatArray) -> FloatArray:
@@ -307,7 +296,7 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
     for reading in readings:
         signatures = np.array([case.signature(wrong) for wrong in reading.wrong])
         if reading.text is None:
-            share = match(case.deviation, signatures[0], fixed=True).explained
+            share = share_of(case.deviation, signatures[0])
             yield _reading(reading.name, share)
             continue
         factors, explained = fit(case.deviation, signatures)
@@ -319,10 +308,10 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
                 if wrong is None:
                     break
                 signature = case.signature(wrong)
-                share = match(case.deviation, signature, fixed=True).explained
+                share = share_of(case.deviation, signature)
                 if share > explained:
                     best, explained = factors, share
-                factors = factors * match(case.deviation, signature).factor
+                factors = factors * factor_of(case.deviation, signature)
             factors = best
         if explained > 0 and factors[0] >= reading.least:
             yield _reading(reading.name, explained, reading.text(factors.tolist()))
@@ -369,7 +358,7 @@ def _sizeless(case: Case, fault: Fault | StopLaw) -> RankedCause | Estimate:
         if solution is None:
             return None
         signatures = case.seen(solution, solution.motion(case.t))
-        return max(match(case.deviation, s, fixed=True).explained for s in signatures)
+        return max(share_of(case.deviation, s) for s in signatures)
 
     return case.estimated(RankedCause(name=name, kind=kind, explained=0.0), share)
 
@@ -392,7 +381,7 @@ def _law_causes(case: Case) -> Causes:
         signature = _schedule(case, {**schedule, name: releases[name]})
         if signature is not None:
             if not case.has_impacts:
-                share = match(case.deviation, signature, fixed=True).explained
+                share = share_of(case.deviation, signature)
                 yield RankedCause(
                     name=f"release of the {name}", kind="law", amount=amount, explained=share
                 )
@@ -434,7 +423,7 @@ def _scheduled(
 
     def share(tolerance: float) -> float | None:
         signature = _schedule(case, releases, equations, tolerance)
-        return None if signature is None else match(case.deviation, signature, fixed=True).explained
+        return None if signature is None else share_of(case.deviation, signature)
 
     if not case.has_impacts:
         cause = RankedCause(name=name, kind="law", amount=amount, explained=0.0)
@@ -597,7 +586,7 @@ class _BuiltModel:
             equations = fault.make(())
             assert equations is not None
             signatures = self._signatures(equations)
-            shares = [match(deviation, each, fixed=True).explained for each in signatures]
+            shares = [share_of(deviation, each) for each in signatures]
             share = max(shares, default=0.0)
             yield RankedCause(name=fault.name, kind=fault.kind, explained=share)
 
@@ -660,7 +649,7 @@ def _fitted_size(fault: Fault, deviation: FloatArray, signatures: Signatures) ->
         else:
             break
         signature = signatures(equations)[way]
-        share = match(deviation, signature, fixed=True).explained
+        share = share_of(deviation, signature)
         gained = share - best.explained if best else 1.0
         if gained > 0:
             best = Fit(fault, factors, share)

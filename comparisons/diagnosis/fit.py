@@ -31,7 +31,7 @@ from ...models.mechanism import Mechanism
 from ...reference.equations import Equations
 from ...reference.solution import Segment, Solution
 from ..runs.results import RankedCause
-from .case import PATIENCE, Case, fit, match
+from .case import PATIENCE, Case, fit, share_of
 from .faults import Fault, gross_faults, hypotheses, once_a_mechanism
 from .rank import EXACT
 
@@ -247,7 +247,7 @@ def _first(case: Case, part: float) -> int:
 def _share(case: Case, signature: FloatArray, part: float) -> float:
     """Share of the deviation in the first part of the motion that a signature explains."""
     n = _first(case, part)
-    return match(case.deviation[:n], signature[:n], fixed=True).explained
+    return share_of(case.deviation[:n], signature[:n])
 
 
 def _solved(case: Case, lead: _Lead, part: float) -> Fit | None:
@@ -312,12 +312,12 @@ def faults_at_the_same_motion(case: Case) -> Iterator[RankedCause]:
                 continue
             sized = _unmoved(case, fault.equations(factors.tolist()))
             if sized is not None:
-                share = match(case.deviation, sized[reading], fixed=True).explained
+                share = share_of(case.deviation, sized[reading])
                 yield Fit(fault, factors, share).cause
     for fault in gross_faults(case.mechanism):
         found = _unmoved(case, fault.make(()))
         if found is not None:
-            shares = [match(case.deviation, signature, fixed=True).explained for signature in found]
+            shares = [share_of(case.deviation, signature) for signature in found]
             yield RankedCause(name=fault.name, kind=fault.kind, explained=max(shares))
 
 

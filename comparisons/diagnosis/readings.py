@@ -143,16 +143,16 @@ def all_readings(
 
     yield Reading(NO_MOTION, (change(reference, _ALL - _FORCES, frozen),))
     yield from _energies(reference)
-    yield from _late(solution, reference, step)
+    times = _Times(solution, reference, step)
+    yield times.rate()
+    alone = {f"{name} shifted in time": frozenset({kind}) for kind, name in _ALONE.items()}
+    for name, kinds in (_LATE | alone).items():
+        yield times.shifted(name, kinds)
     yield from _forces(reference, recorded)
     # Torques of stops, and forces of those on points, each under another one's name.
     stops = [stop.name for stop in reference.mechanism.stops if stop.closed]
     right = _common({n: reference.stop_torques[n] for n in stops}, recorded.stop_torques)
-    exchanged = _exchange("torques of the ", right, recorded.stop_torques)
-    if exchanged is not None:
-        torques = {name: right[other] for name, other in exchanged[1].items()}
-        every = {**reference.stop_torques, **torques}
-        yield Reading(exchanged[0], (replace(reference, stop_torques=every),))
+    yield from _renamed(reference, Kind.TORQUE, "torques", right, recorded.stop_torques)
     yield from _markers(reference, recorded)
     yield from _orders(reference, recorded)
     yield from _conventions(reference, recorded)
@@ -402,81 +402,76 @@ class _Times:
     reference: Trajectory
     step: float
 
-    def read(self, times: FloatArray, kinds: Collection[Kind] = _ALL) -> Trajectory:
+    @cached_property
+    def _motion(self) -> MotionSamples:
+        """The reference's, at its own times."""
+        return self.solution.motion(self.reference.t)
+
+    @property
+    def _instant(self) -> float:
+        """A shift of size one [s]."""
+        return _INSTANT * float(self.reference.t[-1])
+
+    @cached_property
+    def _later(self) -> Trajectory:
+        """The motion later by one instant."""
+        return self._read(self.reference.t + self._instant, _ALL)
+
+    def _read(self, times: FloatArray, kinds: Collection[Kind]) -> Trajectory:
         """The reference's values at other times; forces, which cost most, only if asked for."""
         solution, t = self.solution, np.clip(times, 0.0, self.solution.segments[-1].end)
         if not _FORCES.isdisjoint(kinds):
             return replace(solution.trajectory(t), t=self.reference.t)
-        q, u = np.empty_like(self.motion.q), np.empty_like(self.motion.u)
+        q, u = np.empty_like(self._motion.q), np.empty_like(self._motion.u)
         ends = [segment.end for segment in solution.segments[:-1]]
         of = np.searchsorted(ends, t, side="right")
         for k, segment in enumerate(solution.segments):
             if (of == k).any():
                 q[of == k], u[of == k] = np.split(segment.interpolant(t[of == k]).T, 2, axis=1)
-        return solution.reading(self.reference.t, replace(self.motion, q=q, u=u))
+        return solution.reading(self.reference.t, replace(self._motion, q=q, u=u))
 
-    @cached_property
-    def motion(self) -> MotionSamples:
-        """The reference's, at its own times."""
-        return self.solution.motion(self.reference.t)
+    def rate(self) -> Reading:
+        """Times that run at another rate."""
+        t = self.reference.t
 
-    @property
-    def instant(self) -> float:
-        """A shift of size one [s]."""
-        return _INSTANT * float(self.reference.t[-1])
+        def at(factor: float) -> Trajectory | None:
+            late = abs(factor) * _INSTANT
+            return self._read(t * (1 + factor * _INSTANT), _ALL) if late < _LATEST else None
 
-    def later(self) -> Trajectory:
-        """The motion later by one instant."""
-        return self.read(self.reference.t + self.instant)
+        def text(f: Sequence[float]) -> str:
+            return f"times {1 / (1 + f[0] * _INSTANT):.6g}"
+
+        return Reading("rate of time", (self._read(t * (1 + _INSTANT), _ALL),), text, at)
 
     def shifted(
         self,
         name: str,
-        later: Trajectory,
-        taken: Callable[[Trajectory], Trajectory],
-        kinds: Collection[Kind] = _ALL,
+        kinds: Collection[Kind],
+        taken: Callable[[Trajectory], Trajectory] | None = None,
     ) -> Reading:
-        """A reading of which some quantities are taken from a later motion.
+        """A reading of which some kinds of quantity are those of a later time.
 
         Args:
             name: of the reading.
-            later: the motion later by one instant.
-            taken: the reading, from a later motion.
-            kinds: that it takes from there.
+            kinds: that are taken from the later motion.
+            taken: the reading, by a later motion; None: the reference with those kinds from it.
         """
-        t, instant = self.reference.t, self.instant
+        t, instant = self.reference.t, self._instant
+
+        def with_kinds(later: Trajectory) -> Trajectory:
+            values = _values(later)
+            return change(self.reference, kinds, lambda kind, subject, _: values[kind, subject])
+
+        wrong = taken or with_kinds
 
         def at(factor: float) -> Trajectory | None:
             late = abs(factor) * _INSTANT
-            return taken(self.read(t + factor * instant, kinds)) if late < _LATEST else None
+            return wrong(self._read(t + factor * instant, kinds)) if late < _LATEST else None
 
         def text(f: Sequence[float]) -> str:
             return f"{f[0] * instant:+.3g} s, {f[0] * instant / self.step:+.3g} steps"
 
-        return Reading(name, (taken(later),), text, at)
-
-    def taken(self, later: Trajectory, kinds: Collection[Kind]) -> Trajectory:
-        """The reference with some kinds of quantity from a later motion."""
-        values = _values(later)
-        return change(self.reference, kinds, lambda kind, subject, _: values[kind, subject])
-
-
-def _late(solution: Solution, r: Trajectory, step: float) -> Iterator[Reading]:
-    """Times at another rate; everything, or some kinds of quantity, read at another time."""
-    times = _Times(solution, r, step)
-
-    def at(factor: float) -> Trajectory | None:
-        late = abs(factor) * _INSTANT
-        return times.read(r.t * (1 + factor * _INSTANT)) if late < _LATEST else None
-
-    def text(f: Sequence[float]) -> str:
-        return f"times {1 / (1 + f[0] * _INSTANT):.6g}"
-
-    yield Reading("rate of time", (times.read(r.t * (1 + _INSTANT)),), text, at)
-    later = times.later()
-    alone = {f"{name} shifted in time": frozenset({kind}) for kind, name in _ALONE.items()}
-    for name, kinds in (_LATE | alone).items():
-        yield times.shifted(name, later, lambda x, kinds=kinds: times.taken(x, kinds), kinds)
+        return Reading(name, (wrong(self._later),), text, at)
 
 
 def partly_late_readings(
@@ -494,19 +489,17 @@ def partly_late_readings(
     if Kind.FORCE in kinds:
         kinds.add(Kind.TORQUE)  # a stop on a point pushes with a force
     if len(kinds) > 1 and kinds not in _LATE.values():
-        name = ", ".join(_ALONE[kind] for kind in Kind if kind in kinds)
-        name = f"{name} shifted in time"
-        yield times.shifted(name, times.later(), lambda x: times.taken(x, kinds), kinds)
+        names = ", ".join(_ALONE[kind] for kind in Kind if kind in kinds)
+        yield times.shifted(f"{names} shifted in time", kinds)
     if {Kind.SPEEDS, Kind.KINETIC_ENERGY} <= kinds and Kind.COORDINATES not in kinds:
 
-        def fast(x: Trajectory) -> Trajectory:
+        def fast(later: Trajectory) -> Trajectory:
             # What an engine shows whose speeds are those of another time than its coordinates.
-            mixed = solution.reading(r.t, solution.motion_of(r.t, r.q, x.u))
+            mixed = solution.reading(r.t, solution.motion_of(r.t, r.q, later.u))
             right = _values(r)
             return change(mixed, _FORCES, lambda kind, subject, _: right[kind, subject])
 
-        name = "speeds, and the energy of them, shifted in time"
-        yield times.shifted(name, times.later(), fast, {Kind.SPEEDS})
+        yield times.shifted("speeds, and the energy of them, shifted in time", {Kind.SPEEDS}, fast)
 
 
 # ------------------------------------------------------------ other names, frames, points and zeros
@@ -548,16 +541,24 @@ def _exchange(of: str, right: Values, given: Values) -> tuple[str, dict[str, str
     return f"{of}{', '.join(wrong)} are those of {', '.join(wrong.values())}", nearest
 
 
+def _renamed(
+    r: Trajectory, kind: Kind, what: str, right: Values, given: Values
+) -> Iterator[Reading]:
+    """Values of a kind, each under another subject's name."""
+    exchanged = _exchange(f"{what} of the ", right, given)
+    if exchanged is not None:
+        name, nearest = exchanged
+        wrong = change(r, {kind}, lambda _, subject, __: right[nearest[subject]], only=right)
+        yield Reading(name, (wrong,))
+
+
 _WRONG_SIGN = "wrong sign"
 
 
 def _forces(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     """Forces under other joints' names, mirrored, in a body's frame, or without a weight."""
     right = _common(r.joint_reactions, given.joint_reactions)
-    exchanged = _exchange("joint forces of the ", right, given.joint_reactions)
-    if exchanged is not None:
-        forces = {name: right[other] for name, other in exchanged[1].items()}
-        yield Reading(exchanged[0], (replace(r, joint_reactions={**r.joint_reactions, **forces}),))
+    yield from _renamed(r, Kind.FORCE, "joint forces", right, given.joint_reactions)
     ends = {joint.name: (joint.child, joint.parent) for joint in r.mechanism.joints}
     gravity = np.array(r.mechanism.gravity_vector)
     mistakes: dict[str, Callable[[str, FloatArray], FloatArray]] = {}

@@ -18,7 +18,7 @@ from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
 from ...models.kinematics import Kinematics
-from ...models.launch import LAUNCH_ANGLE
+from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.problem import StopLaw
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
@@ -246,6 +246,15 @@ def _event_metric(
     return Metric(name=name, subject=subject, value=None, unit="s", note=note)
 
 
+def launch_errors(
+    launch: Launch | None, expected: Launch | None
+) -> tuple[float | None, float | None]:
+    """Differences of the times [s] and speeds [m/s] of two launches; None unless both are there."""
+    if launch is None or expected is None:
+        return None, None
+    return launch.time - expected.time, launch.speed - expected.speed
+
+
 def _launch(c: AlignedRun) -> Iterator[Metric]:
     if c.thrown not in c.trajectory.markers:
         return
@@ -256,9 +265,8 @@ def _launch(c: AlignedRun) -> Iterator[Metric]:
         return
     subject = None if c.thrown == THROWN else c.thrown
     yield _event_metric("launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
-    speed, note = None, "only one of the two launches"
-    if launch is not None and expected is not None:
-        speed, note = launch.speed - expected.speed, None
+    speed = launch_errors(launch, expected)[1]
+    note = "only one of the two launches" if speed is None else None
     yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
 
 

@@ -13,7 +13,7 @@ their slope, linearly. Two runs that are compared with each other are interpolat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from threading import Lock
@@ -35,7 +35,7 @@ from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
-from .metrics import SAME_END, THROWN, against, measure, points
+from .metrics import SAME_END, THROWN, against, launch_errors, measure, points
 from .process import TimeLimitError, Worker, all_in_order
 from .quantities import parse_label
 from .results import (
@@ -146,10 +146,13 @@ class RunRecord(Spec):
         update = {"outcome": outcome, "message": message, "time_limit": limit}
         return self.model_copy(update=update)
 
-    def timed(self, trajectory: Trajectory) -> RunRecord:
-        """Returns the record with the steps and the wall time of a run that came to its end."""
-        cost = trajectory.provenance
-        return self.model_copy(update={"steps": cost.steps, "wall_times": (cost.wall_time,)})
+    def measured(
+        self, trajectory: Trajectory, metrics: Iterable[Metric], curves: Curves | None = None
+    ) -> RunRecord:
+        """Returns the record of a run that came to its end, with its steps and its wall time."""
+        steps, wall_times = trajectory.provenance.steps, (trajectory.provenance.wall_time,)
+        update = {"steps": steps, "wall_times": wall_times, "curves": curves}
+        return self.model_copy(update={**update, "metrics": tuple(metrics)})
 
 
 def new_record(name: str, preset: str, engine: Engine, given: Mechanism) -> RunRecord:
@@ -189,7 +192,7 @@ def make(
         kept = curves_of(*compared, thrown=thrown) if curves else None
     except Exception as error:
         return record.failed(error)
-    return record.timed(run).model_copy(update={"metrics": tuple(metrics), "curves": kept})
+    return record.measured(run, metrics, kept)
 
 
 def curves_of(
@@ -228,10 +231,7 @@ def curves_of(
     balance, kept = against(trajectory, solution, end, reference).balance
     launch = trajectory.launch(marker=thrown) if thrown in trajectory.markers else None
     due_launch = solution.launch_at(LAUNCH_ANGLE, thrown) if launch else None
-    launch_time, launch_speed = None, None
-    if launch is not None and due_launch is not None:
-        launch_time = launch.time - due_launch.time
-        launch_speed = launch.speed - due_launch.speed
+    launch_time, launch_speed = launch_errors(launch, due_launch)
     return Curves(
         end=end,
         force_units=units,

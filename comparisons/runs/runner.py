@@ -33,7 +33,7 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Uncertainties, certified, covering_certificate
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from .metrics import measure, points
+from .metrics import launch_errors, measure, points
 from .process import TimeLimitError, Worker
 from .quantities import QUANTITIES, parse_label
 from .results import Metric, Outcome, Predictability
@@ -189,11 +189,8 @@ def reference_uncertainties(
         scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
     )  # fmt: skip
     # The launch is that of the solution itself, instead of that of its samples.
-    launches = [motion.launch_at(LAUNCH_ANGLE, thrown) for motion in (coarse, solution)]
-    launch: dict[str, float] = {}
-    if launches[0] is not None and launches[1] is not None:
-        launch["launch_time"] = launches[0].time - launches[1].time
-        launch["launch_speed"] = launches[0].speed - launches[1].speed
+    launches = (motion.launch_at(LAUNCH_ANGLE, thrown) for motion in (coarse, solution))
+    launch = dict(zip(("launch_time", "launch_speed"), launch_errors(*launches), strict=True))
     parted = any(metric.name == "first_parting" and metric.value is not None for metric in metrics)
     estimated: dict[str, float] = {}
     for measured in metrics:
@@ -202,8 +199,8 @@ def reference_uncertainties(
         left_out = metric.name in ("missing_time", "first_parting")
         if left_out or (metric.name == "base_error" and not parted):
             continue
-        if metric.name in ("launch_time", "launch_speed"):
-            metric = metric.model_copy(update={"value": launch.get(metric.name)})
+        if metric.name in launch:
+            metric = metric.model_copy(update={"value": launch[metric.name]})
         rounded = scales.largest_energy
         if QUANTITIES[metric.name].scale != "energy":
             rounded = QUANTITIES[metric.name].scale_of(scales, metric.subject, mechanism)

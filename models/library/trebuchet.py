@@ -215,11 +215,7 @@ def _loaded_arm(l1: float, l2: float, mass: float, loads: Mapping[float, float])
 
 
 def _square(length: float) -> float:
-    """Square of a length [m^2].
-
-    Raises:
-        InputError: it is beyond the largest float64.
-    """
+    """Square of a length [m^2]; InputError if it is beyond the largest float64."""
     try:
         return length**2
     except OverflowError:
@@ -294,10 +290,7 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
     height = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
     return Mechanism(
         name="floating-arm",
-        bodies=(
-            _loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}),
-            bob("sling", "phi", p.r, p.m_b),
-        ),
+        bodies=(_loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}), bob("sling", "phi", p.r, p.m_b)),
         joints=(
             slot(DROP, "arm", (0, 1), on=(-p.l2, 0), coordinate="drop"),
             pin(SLING_PIN, "arm", "sling", (p.l1, 0)),

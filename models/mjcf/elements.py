@@ -346,31 +346,26 @@ def _add_spring(spring: SpringDamper, tendon: ET.Element, mechanism: Mechanism) 
         add(line, "site", site=site)
 
 
-def _add_rotational_spring(
-    spring: RotationalSpringDamper, tendon: ET.Element, mechanism: Mechanism
-) -> None:
-    _add_angle_spring(spring, _strength(spring), tendon, mechanism)
-
-
-def _add_cubic_spring(spring: CubicTorsionSpring, tendon: ET.Element, mechanism: Mechanism) -> None:
+def _cubic_strength(spring: CubicTorsionSpring) -> dict[str, str]:
     # Coefficients of the stiffness k + 0 |x| + k3 x^2: MuJoCo 4 reads them, 3.10 does not.
-    strength = {"stiffness": numbers(spring.stiffness, 0, spring.cubic_stiffness)}
-    _add_angle_spring(spring, strength, tendon, mechanism)
+    return {"stiffness": numbers(spring.stiffness, 0, spring.cubic_stiffness)}
 
 
-def _add_angle_spring(
-    spring: RotationalSpringDamper | CubicTorsionSpring,
-    strength: dict[str, str],
-    tendon: ET.Element,
-    mechanism: Mechanism,
-) -> None:
-    angles = start_angles(mechanism)
-    rest = spring.rest_angle - (angles[spring.body] - angles[spring.relative_to])
-    # MuJoCo takes a length of -1 for none.
-    add_angle_tendon(
-        tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
-        name=_tendon(spring), **strength, springlength=abs(rest),
-    )  # fmt: skip
+def _angle_spring(
+    strength: Callable[[Any], dict[str, str]],
+) -> Callable[[Any, ET.Element, Mechanism], None]:
+    """Add a spring over the hinges between two bodies, of this strength."""
+
+    def add_spring(spring: Any, tendon: ET.Element, mechanism: Mechanism) -> None:
+        angles = start_angles(mechanism)
+        rest = spring.rest_angle - (angles[spring.body] - angles[spring.relative_to])
+        # MuJoCo takes a length of -1 for none.
+        add_angle_tendon(
+            tendon, mechanism, spring.bodies, 1 if rest >= 0 else -1,
+            name=_tendon(spring), **strength(spring), springlength=abs(rest),
+        )  # fmt: skip
+
+    return add_spring
 
 
 def _add_torque_tendon(torque: ConstantTorque, tendon: ET.Element, mechanism: Mechanism) -> None:
@@ -400,8 +395,8 @@ FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
     FORCE_ELEMENTS,
     {
         SpringDamper: _ForceWriter(add_sites=_add_spring_sites, add_tendon=_add_spring),
-        RotationalSpringDamper: _ForceWriter(add_tendon=_add_rotational_spring),
-        CubicTorsionSpring: _ForceWriter(add_tendon=_add_cubic_spring),
+        RotationalSpringDamper: _ForceWriter(add_tendon=_angle_spring(_strength)),
+        CubicTorsionSpring: _ForceWriter(add_tendon=_angle_spring(_cubic_strength)),
         ConstantForce: _ForceWriter(add_sites=_add_force_site, add_actuator=_add_force),
         ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
     },

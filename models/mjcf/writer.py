@@ -213,11 +213,8 @@ class _Writer:
     def root(self) -> ET.Element:
         """The `mujoco` element."""
         root = ET.Element("mujoco", model=self.mechanism.name)
-        root.append(
-            ET.Comment(
-                " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
-            )
-        )
+        about = " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
+        root.append(ET.Comment(about))
         add(root, "compiler", angle="radian", autolimits="false")
         option = add(
             root, "option", timestep=self.timestep, integrator="RK4", tolerance="1e-30",
@@ -341,13 +338,12 @@ class _Writer:
             joint = self.mechanism.joint_of(stop.body).name
             add(sensor, "jointlimitfrc", name=name, joint=joint)
 
-    def add_contact_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
-        """Add the force of a contact."""
-        self.points.add_stop_sensor(sensor, stop)
-
 
 STOP_SENSORS: ElementTable[Callable[[_Writer, ET.Element, Any], None]] = ElementTable(
     "the MJCF writer",
     STOPS,
-    {Stop: _Writer.add_limit_sensor, PointStop: _Writer.add_contact_sensor},
+    {
+        Stop: _Writer.add_limit_sensor,
+        PointStop: lambda writer, sensor, stop: writer.points.add_stop_sensor(sensor, stop),
+    },
 )

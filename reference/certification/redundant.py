@@ -199,15 +199,18 @@ class _AngleGap:
         return self._row, np.zeros(1)
 
 
-def _point_gap(mechanism: Mechanism, stop: elements.PointStop) -> _Components:
-    ends: tuple[BodyPoint, BodyPoint] = ((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))
-    return _Components(mechanism, [ends], [complex(*stop.normal)], [stop.relative_to != GROUND])
-
-
 _GAPS: ElementTable[Callable[[Mechanism, Any], _AngleGap | _Components]] = ElementTable(
     "The redundant formulation",
     elements.STOPS,
-    {elements.Stop: _AngleGap, elements.PointStop: _point_gap},
+    {
+        elements.Stop: _AngleGap,
+        elements.PointStop: lambda mechanism, stop: _Components(
+            mechanism,
+            [((stop.body, stop.point), (stop.relative_to, (0.0, 0.0)))],
+            [complex(*stop.normal)],
+            [stop.relative_to != GROUND],
+        ),
+    },
 )
 _HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
     "The redundant formulation",

@@ -9,7 +9,6 @@ numbers, which have names that can be read.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -485,7 +484,11 @@ def sensitivities_of(
     else:
         p = parameters or TrebuchetParameters()
         values, directions = _whipper_directions(lambda p: model(name, p), p, mechanism)
-        units = {parameter: _unit(parameter) for parameter in directions}
+        # Of parameters in their descriptions; of start values by their names.
+        units = dict(number_units(TrebuchetParameters))
+        for start in directions.keys() - units.keys():
+            unit = "m" if "x_p" in start else "rad"
+            units[start] = f"{unit}/s" if start.startswith("u_") else unit
     try:
         result = _of_the_release(solution, values, directions, moment, ground, joint)
     except UnsupportedProblemError as error:
@@ -503,23 +506,12 @@ def sensitivities_of(
                 range=None if math.isnan(result.d_range[i]) else float(result.d_range[i]),
             )
             listed.append(sensitivity)
+
+    def effect(row: Sensitivity) -> tuple[float, float]:
+        """The effect of one per cent on the range (or speed), then of one unit."""
+        slope = abs(row.launch_speed if row.range is None else row.range)
+        return abs(row.value) * slope, slope
+
     if name is None:
-        listed.sort(key=_effect)
+        listed.sort(key=effect, reverse=True)
     return tuple(listed), (*sentences, *result.one_sided)
-
-
-def _effect(sensitivity: Sensitivity) -> tuple[float, float]:
-    """Sort key: the effect of one per cent on the range (or speed), then of one unit."""
-    slope = sensitivity.launch_speed if sensitivity.range is None else sensitivity.range
-    return -abs(sensitivity.value) * abs(slope), -abs(slope)
-
-
-def _unit(name: str) -> str:
-    """Unit of a parameter, from its description; of a start value, by its name."""
-    if name in TrebuchetParameters.model_fields:
-        unit = re.search(r"\[(.+)\]", TrebuchetParameters.model_fields[name].description or "")
-        return unit.group(1) if unit else ""
-    slide = "x_p" in name
-    if name.startswith("u_"):
-        return "m/s" if slide else "rad/s"
-    return "m" if slide else "rad"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import islice
 from operator import itemgetter
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ...models.kinematics import Kinematics, PointCoefficients, initial_state
 from ...models.launch import is_launch
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ...models.spec import Spec
+from ...models.spec import Spec, number_units
 from ..contact import ActiveSet, starts_at_rest
 from ..equations import Equations, scales_of
 from ..reactions import refuse_dependent
@@ -444,23 +444,13 @@ def stacked(mechanisms: Sequence[Mechanism]) -> Iterator[tuple[IndexArray, Mecha
 def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
     """Numbers of objects of a class as arrays over them; of vectors each component."""
     columns: dict[str, Any] = {}
-    for name in _numbers(type(specs[0])):
+    for name in number_units(type(specs[0])):
         column = np.array([getattr(spec, name) for spec in specs], dtype=np.float64)
         columns[name] = column if column.ndim == 1 else tuple(np.ascontiguousarray(column.T))
     return columns
 
 
 @lru_cache
-def _numbers(cls: type[Spec]) -> tuple[str, ...]:
-    """Names of the fields that hold numbers, or vectors of them."""
-
-    def holds_floats(annotation: object) -> bool:
-        return annotation is float or any(holds_floats(part) for part in get_args(annotation))
-
-    return tuple(name for name, f in cls.model_fields.items() if holds_floats(f.annotation))
-
-
-@lru_cache
 def _reader(cls: type[Spec]) -> Callable[[dict[str, Any]], object]:
     """Reads the fields that hold no numbers."""
-    return itemgetter(*(name for name in cls.model_fields if name not in _numbers(cls)))
+    return itemgetter(*(name for name in cls.model_fields if name not in number_units(cls)))

@@ -176,7 +176,6 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
 class _ForceTerms:
     """Force elements of a mechanism by the terms of the equations that they make."""
 
-    kinematics: Kinematics
     springs: list[tuple[SpringDamper, PointCoefficients]] = field(default_factory=list[Any])
     """Springs and dampers between points, with the vector to the body's point."""
     twists: list[tuple[tuple[float, ...], AngleFunction]] = field(default_factory=list[Any])
@@ -185,47 +184,54 @@ class _ForceTerms:
     pulls: list[tuple[ConstantForce, PointCoefficients]] = field(default_factory=list[Any])
     """Constant forces, with the point that they act on."""
 
-    def add_spring(self, e: SpringDamper) -> None:
-        vector = self.kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
-        self.springs.append((e, vector))
 
-    def add_rotational(self, e: RotationalSpringDamper) -> None:
-        angle = self.kinematics.angle(e.body, e.relative_to)
-        relaxed = e.rest_angle - angle.constant
-        self.twists.append(((e.stiffness, e.damping, e.stiffness * relaxed, 0.0, 0.0), angle))
-
-    def add_cubic(self, e: CubicTorsionSpring) -> None:
-        angle = self.kinematics.angle(e.body, e.relative_to)
-        relaxed = e.rest_angle - angle.constant
-        numbers = (e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed)
-        self.twists.append((numbers, angle))
-
-    def add_torque(self, e: ConstantTorque) -> None:
-        angle = self.kinematics.angle(e.body, e.relative_to)
-        self.twists.append(((0.0, 0.0, e.torque, 0.0, 0.0), angle))
-
-    def add_force(self, e: ConstantForce) -> None:
-        self.pulls.append((e, self.kinematics.point(e.body, e.point)))
+def _spring(terms: _ForceTerms, kinematics: Kinematics, e: SpringDamper) -> None:
+    vector = kinematics.between(e.body, e.point, e.relative_to, e.relative_point)
+    terms.springs.append((e, vector))
 
 
-_TERMS: ElementTable[Callable[[_ForceTerms, Any], None]] = ElementTable(
+def _pull(terms: _ForceTerms, kinematics: Kinematics, e: ConstantForce) -> None:
+    terms.pulls.append((e, kinematics.point(e.body, e.point)))
+
+
+def _twist(numbers: Callable[[Any, float], tuple[float, ...]]) -> _AddTerms:
+    """Add a torque with these numbers, of the element and of its angle's constant."""
+
+    def add(terms: _ForceTerms, kinematics: Kinematics, e: Any) -> None:
+        angle = kinematics.angle(e.body, e.relative_to)
+        terms.twists.append((numbers(e, angle.constant), angle))
+
+    return add
+
+
+def _linear(e: RotationalSpringDamper, constant: float) -> tuple[float, ...]:
+    return e.stiffness, e.damping, e.stiffness * (e.rest_angle - constant), 0.0, 0.0
+
+
+def _cubic(e: CubicTorsionSpring, constant: float) -> tuple[float, ...]:
+    relaxed = e.rest_angle - constant
+    return e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed
+
+
+_AddTerms = Callable[[_ForceTerms, Kinematics, Any], None]
+_TERMS: ElementTable[_AddTerms] = ElementTable(
     "The Taylor integrator",
     FORCE_ELEMENTS,
     {
-        SpringDamper: _ForceTerms.add_spring,
-        RotationalSpringDamper: _ForceTerms.add_rotational,
-        CubicTorsionSpring: _ForceTerms.add_cubic,
-        ConstantForce: _ForceTerms.add_force,
-        ConstantTorque: _ForceTerms.add_torque,
+        SpringDamper: _spring,
+        RotationalSpringDamper: _twist(_linear),
+        CubicTorsionSpring: _twist(_cubic),
+        ConstantForce: _pull,
+        ConstantTorque: _twist(lambda e, constant: (0.0, 0.0, e.torque, 0.0, 0.0)),
     },
 )
 
 
 def _force_terms(kinematics: Kinematics) -> _ForceTerms:
     """The terms of a mechanism's force elements, from the elements' own numbers."""
-    terms = _ForceTerms(kinematics)
+    terms = _ForceTerms()
     for element in kinematics.mechanism.force_elements:
-        _TERMS[element](terms, element)
+        _TERMS[element](terms, kinematics, element)
     return terms
 
 

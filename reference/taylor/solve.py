@@ -104,6 +104,14 @@ class TaylorQuantities:
     launch_u: Real | None = None
     """Shape (n_q,) [rad, m, rad/s, m/s]."""
 
+    @property
+    def launch(self) -> Launch | None:
+        """The launch in double precision; None without one."""
+        if self.launch_time is None or self.launch_velocity is None:
+            return None
+        vx, vy = (float(v) for v in self.launch_velocity)
+        return Launch(float(self.launch_time), float(np.hypot(vx, vy)), (vx, vy))
+
 
 def taylor_quantities(
     problem: Problem, precision: Precision = "extended", tolerance: float | None = None
@@ -134,21 +142,6 @@ def taylor_quantities(
         launch_q=q,
         launch_u=u,
     )
-
-
-def taylor_launch(problem: Problem, tolerance: float | None = None) -> Launch | None:
-    """The launch alone, as fast as it goes; None if there is none within the problem's duration.
-
-    Raises:
-        EngineNotInstalledError, InputError, SimulationError: as :func:`solve_taylor`.
-    """
-    run = _Integration(problem, tolerance, "double")
-    run.integrate(to_launch=True)
-    if run.launched is None:
-        return None
-    launch_time, q, u = run.launched
-    vx, vy = (float(v) for v in run.projectile_velocity(q, u))
-    return Launch(float(launch_time), float(np.hypot(vx, vy)), (vx, vy))
 
 
 class _Integration:

@@ -278,7 +278,7 @@ def _warnings(
     of_supports: Iterable[SupportForce],
     until: float,
 ) -> tuple[str, ...]:
-    """What a real machine would not do: slack ropes, lifted wheels, stops that are passed."""
+    """Sentences on what a real machine would not do: slack ropes, lifted wheels, passed stops."""
     warnings: list[str] = []
     for m in of_members:
         if m.two_force and m.compressed:

@@ -17,7 +17,7 @@ from conftest import machine_parameters, machines
 from faulty import Faulty, body, parameters
 from hypothesis import given
 from hypothesis import strategies as st
-from trebucheck.comparisons.diagnosis.case import Case, match
+from trebucheck.comparisons.diagnosis.case import Case, factor_of, fit, share_of
 from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
 from trebucheck.comparisons.diagnosis.faults import combined, hypotheses, machine_suspects
@@ -37,14 +37,18 @@ Build = Callable[..., tb.Mechanism]
 
 def test_a_signature_of_the_same_shape_is_found_with_its_size() -> None:
     signature = np.array([1.0, -2.0, 3.0])
-    found = match(7.0 * signature, signature)
-    assert found.factor == pytest.approx(7.0) and found.explained == pytest.approx(1.0)
-    assert match(7.0 * signature, signature, fixed=True).explained == pytest.approx(1 / 7)
+    assert factor_of(7.0 * signature, signature) == pytest.approx(7.0)
+    assert share_of(7.0 * signature, 7.0 * signature) == pytest.approx(1.0)
+    assert share_of(7.0 * signature, signature) == pytest.approx(1 / 7)
 
 
 def test_what_stands_across_explains_nothing() -> None:
-    assert match(np.array([1.0, 0.0]), np.array([0.0, 1.0])).explained == 0.0
-    assert match(np.zeros(2), np.ones(2)).explained == 0.0
+    across, along = np.array([0.0, 1.0]), np.array([1.0, 0.0])
+    assert factor_of(along, across) == 0.0 == fit(along, across[None])[1]
+    assert share_of(along, across) < 0.0
+    assert factor_of(np.ones(2), np.zeros(2)) == 0.0
+    assert share_of(np.zeros(2), np.ones(2)) == 0.0 == share_of(np.ones(2), np.zeros(2))
+    assert share_of(np.ones(2), np.array([1.0, np.inf])) == 0.0
 
 
 def test_states_are_where_they_should_be(build: Build) -> None:

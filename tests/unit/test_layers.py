@@ -15,7 +15,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LAYERS = ("models", "reference", "engines", "comparisons", "conformance", "cli", "api")
-ENGINES = ("mujoco", "pymunk", "exudyn")
+ROOMS = tuple(sorted(path.parent for path in (ROOT / "engines").glob("*/engine.py")))
+ENGINES = tuple(room.name for room in ROOMS if room.name != "reference")
 MODULES = sorted(path for layer in LAYERS for path in (ROOT / layer).rglob("*.py"))
 FRONT = [ROOT / f"{name}.py" for name in ("__init__", "__main__", "renamed", "version")]
 
@@ -24,7 +25,7 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("models/library",),
     ("models/mjcf",),
     ("reference", "engines"),
-    ("reference/taylor", "reference/throw", "engines/mujoco", "engines/pymunk", "engines/exudyn"),
+    ("reference/taylor", "reference/throw", *(f"engines/{name}" for name in ENGINES)),
     ("reference/certification", "reference/sensitivity"),
     ("engines/reference",),
     ("comparisons/runs",),

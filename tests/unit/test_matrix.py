@@ -191,8 +191,8 @@ def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_
     assert (found.scheme, found.constrained, found.engines) == (RK4, False, ("a", "b", "d", "e"))
     # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a stock 3, d-a stock 9e3; c against each
     # of the four
-    assert sorted(each.value for each in found.within.found) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
-    assert sorted(each.value for each in found.between.found) == pytest.approx(
+    assert sorted(each.value for each in found.within) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
+    assert sorted(each.value for each in found.between) == pytest.approx(
         [1e-4 / 9e-9, 1e-4 / 3e-9, 1e5, 1e8]
     )
     assert "9e+03 at most (d tuned and a stock on swing; 5 pairs, median 1e+03)" in _text(

@@ -16,7 +16,7 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.certification.certificate import estimate_uncertainty
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
-from trebucheck.reference.taylor.solve import solve_taylor, taylor_launch
+from trebucheck.reference.taylor.solve import solve_taylor, taylor_quantities
 
 _SAME = (
     1e-12  # relative: a later end changes only the last step of a motion, whose error is some 3e-14
@@ -202,7 +202,7 @@ def test_an_impact_that_turns_the_velocity_through_the_direction() -> None:
     assert abs(change[0] * part[1] - change[1] * part[0]) < 1e-6
     assert launch.velocity[0] == pytest.approx(launch.velocity[1], rel=1e-12)
     pytest.importorskip("heyoka")
-    for other in (solve_taylor(problem).launch, taylor_launch(problem)):
+    for other in (solve_taylor(problem).launch, taylor_quantities(problem, "double").launch):
         assert other is not None
         assert other.time == pytest.approx(launch.time, rel=_SAME)
         assert other.speed == pytest.approx(launch.speed, rel=1e-10)
@@ -238,6 +238,6 @@ def test_what_loops_hold_fast_is_not_launched(taylor: bool, law: StopLaw) -> Non
     problem = Problem(locked, duration=2.0, stop_law=law)
     if taylor:
         pytest.importorskip("heyoka")
-        assert taylor_launch(problem) is None
+        assert taylor_quantities(problem, "double").launch is None
     else:
         assert solve(problem).launch is None

@@ -36,7 +36,7 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.batch import launch_batch
 from trebucheck.reference.taylor.expressions import TaylorSystem, heyoka, why_not_taylor
 from trebucheck.reference.taylor.numbers import numbers_of, structure_of
-from trebucheck.reference.taylor.solve import solve_taylor, taylor_launch, taylor_quantities
+from trebucheck.reference.taylor.solve import solve_taylor, taylor_quantities
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 
@@ -75,7 +75,7 @@ def test_table_one_agrees_with_dop853(build: Build) -> None:
 @needs_heyoka
 def test_the_launch_found_on_the_polynomial_is_that_of_the_solution(build: Build) -> None:
     problem = tb.Problem(build(tb.TrebuchetParameters()), duration=3.0)
-    fast, scanned = taylor_launch(problem), solve_taylor(problem).launch
+    fast, scanned = taylor_quantities(problem, "double").launch, solve_taylor(problem).launch
     assert fast is not None and scanned is not None
     assert fast.time == pytest.approx(scanned.time, rel=1e-14, abs=0)  # some sixty roundings
     assert fast.speed == pytest.approx(scanned.speed, rel=1e-13, abs=0)
