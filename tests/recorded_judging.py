@@ -429,8 +429,8 @@ def built(name: str) -> list[Any]:
     found: list[Any] = []
     for what, changed in _BUILT_WRONG.items():
         wrong = changed(mechanism)
-        if wrong is None:
-            continue
+        if wrong is None or (mechanism.stops and what in ("gravity", "mass", "inertia", "centre")):
+            continue  # those are of the mechanism without stops
         equality, diagnosis = check_and_diagnose(Other(wrong), mechanism)
         found.append([what, equality.holds, [c.label for c in equality.broken]])
         if diagnosis is not None:
