@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import angle_stop, everything, floor, hanging_bob
-from trebucheck.comparisons.judge import GivenImpact, jumps, read
+from mechanisms import G, angle_stop, bouncing, everything, floor, hanging_bob
+from trebucheck.comparisons.judge import GivenImpact, judge_file, jumps, read
+from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.kinematics import Kinematics
 
 UNITS = {
@@ -201,3 +202,27 @@ def test_impacts_are_where_a_speed_jumps_at_a_stop(
     q: float, before: float, after: float, times: tuple[float, float], stops: list[str]
 ) -> None:
     assert _jumps(q, before, after, times) == stops
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.98])
+def test_speeds_at_an_impact_are_those_of_the_first_and_the_last_sample_there(
+    factor: float, tmp_path: Path
+) -> None:
+    """A ball falls 0.3 m and rebounds with 0.6 of its speed; its file repeats the sample before."""
+    height, e = 0.3, 0.6
+    ball = bouncing(height, e)
+    fall, speed = math.sqrt(2 * height / G), math.sqrt(2 * height * G)
+    before, after = np.linspace(0.0, fall, 40), np.linspace(fall, fall + 0.1, 20)
+    t = np.concatenate([before, before[-1:], after])
+    flown = after - fall
+    up = factor * e * speed
+    q = np.concatenate([height - G * before**2 / 2, [0.0], e * speed * flown - G * flown**2 / 2])
+    u = np.concatenate([-G * before, [-speed], up - G * flown])
+    rows = [",".join(map(repr, row)) for row in np.stack([t, q, u], axis=1).tolist()]
+    path = tmp_path / "m.csv"
+    path.write_text("\n".join(["t [s],height [m],u height [m/s]", *rows]))
+    study = Study([tb.Problem(ball, duration=float(t[-1]), stop_law="unilateral")], [], ())
+    found = judge_file(path, study, diagnosed=False)
+    errors = {m.name: m.value for m in found.metrics if m.subject in ("height", "floor")}
+    assert errors["impact_time"] == pytest.approx(0.0, abs=1e-9)
+    assert errors["impact_speed"] == pytest.approx((1 - factor) * e * speed, abs=1e-9)

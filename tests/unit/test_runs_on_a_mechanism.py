@@ -13,6 +13,7 @@ import pytest
 import trebucheck as tb
 from mechanisms import chain_on_a_slot, hanging_bob, rod_pendulum
 from trebucheck.comparisons.diagnosis.case import Case
+from trebucheck.comparisons.runs.process import TIMEOUT_MAX, Worker
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Until
@@ -116,3 +117,8 @@ def test_runs_at_other_times_and_shorter_ones_are_carried_over() -> None:
 def test_unilateral_stops_and_others_are_moved_by_the_law_that_is_asked_for() -> None:
     runs = [Runner(hanging_bob(), until=Until.of(0.1), law=law) for law in StopLaw]
     assert [runner.problem(tb.engine("reference")).stop_law for runner in runs] == list(StopLaw)
+
+
+def test_a_limit_of_time_is_the_one_that_is_asked_for_or_the_longest_there_is() -> None:
+    assert Worker(5.0, isolate=False).timeout == 5.0
+    assert Worker(math.inf, isolate=False).timeout == TIMEOUT_MAX < math.inf
