@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from threading import TIMEOUT_MAX
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 import trebucheck as tb
 from mechanisms import chain_on_a_slot, hanging_bob, rod_pendulum
 from trebucheck.comparisons.diagnosis.case import Case
-from trebucheck.comparisons.runs.process import TIMEOUT_MAX, Worker
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.record import EngineRuns
 from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Until
