@@ -135,7 +135,11 @@ class Trajectory(Reported):
         return pd.DataFrame(columns, index=pd.Index(self.t, name="t"))
 
     def marker(self, name: str) -> PointMotion:
-        """Motion of a marker; InputError if there is no such marker."""
+        """Motion of a marker.
+
+        Raises:
+            InputError: there is no such marker.
+        """
         return _named("marker", name, self.markers)
 
     def stop_torque(self, name: str) -> FloatArray:

@@ -290,10 +290,7 @@ def floating_arm(parameters: FloatingArmParameters | None = None) -> Mechanism:
     height = -p.l1 * math.sin(p.theta0) - p.r * math.sin(p.phi0)
     return Mechanism(
         name="floating-arm",
-        bodies=(
-            _loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}),
-            bob("sling", "phi", p.r, p.m_b),
-        ),
+        bodies=(_loaded_arm(p.l1, p.l2, p.m_a, {-p.l2: p.m_cw}), bob("sling", "phi", p.r, p.m_b)),
         joints=(
             slot(DROP, "arm", (0, 1), on=(-p.l2, 0), coordinate="drop"),
             pin(SLING_PIN, "arm", "sling", (p.l1, 0)),

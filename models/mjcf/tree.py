@@ -76,10 +76,9 @@ def joint_values(mechanism: Mechanism, rates: Sequence[float]) -> list[float]:
         rates: of the coordinates, in their order; changes of them since the start give those of the
             joints.
     """
-    turning = {
-        name: 0.0 if index is None else rates[index]
-        for name, (index, _) in mechanism.attitudes.items()
-    }
+    turning: dict[str, float] = {}
+    for name, (index, _) in mechanism.attitudes.items():
+        turning[name] = 0.0 if index is None else rates[index]
     sliding = dict(zip(mechanism.coordinates, rates, strict=True))
     values: list[float] = []
     for body in outwards(mechanism):

@@ -243,19 +243,7 @@ class _Writer:
         if self.thrown:
             self.thrown.add_constraints(root)
         if self.on_tendon or self.points.turned or self.forces.needs_tendons:
-            tendon = add(root, "tendon")
-            # Stops that fit no joint's range: limits on the sum of hinges between two bodies.
-            for stop in self.on_tendon:
-                if not hinge_weights(self.mechanism, *stop.bodies):
-                    raise UnsupportedProblemError(
-                        f"stop {stop.name!r} holds {stop.body!r} against itself."
-                    )
-                add_angle_tendon(
-                    tendon, self.mechanism, stop.bodies,
-                    name=stop.name, limited="true", range=self._range(stop),
-                )  # fmt: skip
-            self.points.add_tendons(tendon)
-            self.forces.add_tendons(tendon)
+            self._add_tendons(add(root, "tendon"))
         self.forces.add_actuators(root)
         if self.variant.sensors:
             self._add_sensors(add(root, "sensor"))
@@ -313,6 +301,20 @@ class _Writer:
             if marker.body == body:
                 add(element, "site", name=marker.name, pos=from_origin(origin, marker.point))
         self.forces.add_sites(element, body, origin)
+
+    def _add_tendons(self, tendon: ET.Element) -> None:
+        """Add stops that fit no joint's range: limits on the sum of hinges between two bodies."""
+        for stop in self.on_tendon:
+            if not hinge_weights(self.mechanism, *stop.bodies):
+                raise UnsupportedProblemError(
+                    f"stop {stop.name!r} holds {stop.body!r} against itself."
+                )
+            add_angle_tendon(
+                tendon, self.mechanism, stop.bodies,
+                name=stop.name, limited="true", range=self._range(stop),
+            )  # fmt: skip
+        self.points.add_tendons(tendon)
+        self.forces.add_tendons(tendon)
 
     def _add_sensors(self, sensor: ET.Element) -> None:
         for stop in self.mechanism.stops:

@@ -342,7 +342,7 @@ def _flight_time(y: float, vy: float, gravity: float) -> float:
 
 
 def _half_squared_speed(motion: Motion, t: float) -> float:
-    v = motion.marker(PROJECTILE, t)[1]
+    _, v, _ = motion.marker(PROJECTILE, t)
     return float(v @ v) / 2
 
 

@@ -157,17 +157,9 @@ class _Along:
                 q, u = self._after(segment, all_segments[i + 1], q, u)
         last = segments[-1]
         self.equations.refuse_misfits(q, self._active(last), f"the motion at t = {t:.6g} s", _SAME)
-        return StateTangent(
-            t,
-            q.value,
-            u.value,
-            q.tangents.T,
-            u.tangents.T,
-            last.closed,
-            self.releases,
-            tuple(self.impacts),
-            tuple(self.kinks),
-        )
+        state = q.value, u.value, q.tangents.T, u.tangents.T
+        events = self.releases, tuple(self.impacts), tuple(self.kinks)
+        return StateTangent(t, *state, last.closed, *events)
 
     def _start(self, first: Segment) -> tuple[Dual, Dual]:
         """At t = 0, behind an impact if the start drives into a closed stop."""
@@ -300,10 +292,8 @@ class _Along:
         if not len(shifts):
             raise _not_smooth(before.end, f"it grazes {' and '.join(touching)}")
         if np.abs(shifts - shifts[0]).max() > _SAME * np.abs(shifts).max():
-            stops = " and ".join(open_stops)
-            raise _not_smooth(
-                before.end, f"it meets {stops} at one instant, one or the other first"
-            )
+            why = f"it meets {' and '.join(open_stops)} at one instant, one or the other first"
+            raise _not_smooth(before.end, why)
         return shifts[0]
 
     def _rebounds(

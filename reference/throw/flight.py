@@ -67,13 +67,10 @@ class World(Spec):
 
 
 WORLDS = {
-    name: World(name=name, gravity=gravity, density=density)
-    for name, gravity, density in (
-        ("moon", 1.62, 0.0),
-        ("mars", 3.71, 0.02),
-        ("earth", 9.81, 1.2),
-        ("venus", 8.87, 65.0),
-    )
+    "moon": World(name="moon", gravity=1.62, density=0.0),
+    "mars": World(name="mars", gravity=3.71, density=0.02),
+    "earth": World(name="earth", gravity=9.81, density=1.2),
+    "venus": World(name="venus", gravity=8.87, density=65.0),
 }
 
 
