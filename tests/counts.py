@@ -117,9 +117,8 @@ def checks_of_elements(module: Module) -> int:
     return sum(bool(names & ELEMENTS) for names in named)
 
 
-def count(*folders: str, with_comments: bool = False) -> dict[str, float]:
-    """Counts of the modules below folders; of comments, which have no ceiling, if asked for."""
-    every = modules(*folders)
+def modules_with_one_importer(every: list[Module]) -> dict[str, str]:
+    """Modules that exactly one other module of these imports, and which one."""
     names = {module.name for module in every}
     importers: dict[str, set[str]] = defaultdict(set)
     for module in every:
@@ -127,6 +126,13 @@ def count(*folders: str, with_comments: bool = False) -> dict[str, float]:
             if name in names and name != module.name:
                 importers[name].add(module.name)
     packages = {module.name for module in every if module.path.name == "__init__.py"}
+    alone = {name: who for name, who in importers.items() if len(who) == 1}
+    return {name: who.pop() for name, who in alone.items() if name not in packages}
+
+
+def count(*folders: str, with_comments: bool = False) -> dict[str, float]:
+    """Counts of the modules below folders; of comments, which have no ceiling, if asked for."""
+    every = modules(*folders)
     public: Counter[str] = Counter()
     for module in every:
         for node in module.tree.body:
@@ -141,9 +147,7 @@ def count(*folders: str, with_comments: bool = False) -> dict[str, float]:
     found = {
         "lines": len(lines),
         "modules": len(every),
-        "modules with one importer": sum(
-            len(who) == 1 for name, who in importers.items() if name not in packages
-        ),
+        "modules with one importer": len(modules_with_one_importer(every)),
         "public class names used twice": sum(number > 1 for number in public.values()),
         "isinstance on elements": sum(asking),
         "files with isinstance on elements": sum(bool(number) for number in asking),

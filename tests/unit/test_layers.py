@@ -6,7 +6,8 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from functools import cache
+from fnmatch import fnmatch
+from functools import cache, partial
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -161,6 +162,33 @@ def test_every_module_is_imported() -> None:
         if f'"{name}"' not in asked_for and f'"{name.removeprefix("engines.")}"' not in asked_for
     ]
     assert not alone
+
+
+ONE_IMPORTER = {
+    "models.elements.*": "an element is one file; their table imports it",
+    "models.library.*": "problems of one kind; the registry of problems imports them",
+    "engines.*": "the same names in the room of each engine, so that the rooms can be compared",
+    "cli.*": "commands that answer one question of the help; the app imports them",
+    "comparisons.report.pages.*": "a page is one file; its command imports it",
+    "comparisons.diagnosis.*": "one means of a diagnosis each, read without the others",
+    "comparisons.certify": "tb.certify, and its command",
+    "comparisons.mjcf": "tb.mjcf, and its command",
+    "conformance.check": "tb.check, and the plug-in of pytest",
+    "conformance.certificate": "the page of a conformance run; its command imports it",
+    "conformance.skeleton": "files of a new plug-in; its command imports it",
+    "reference.motion": "tb.solve, and the sensitivities",
+    "reference.kernel": "arithmetic that Numba compiles, apart from when it does",
+    "reference.taylor.batch": "many motions at once, for distributions; api/ imports it",
+    "reference.certification.paper": "figures of the paper's machines alone",
+    "renamed": "names of earlier releases; the front door imports it",
+}
+"""Reasons of modules that one other module imports: each would otherwise be part of that one."""
+
+
+def test_a_module_with_one_importer_has_a_reason() -> None:
+    alone = counts.modules_with_one_importer(counts.modules(*counts.CORE))
+    assert not [name for name in alone if not any(map(partial(fnmatch, name), ONE_IMPORTER))]
+    assert not [reason for reason in ONE_IMPORTER if not any(fnmatch(n, reason) for n in alone)]
 
 
 @pytest.mark.parametrize("what", counts.CEILINGS)
