@@ -53,14 +53,14 @@ def refresh_notebook(path: Path) -> None:
     cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     for number, cell in enumerate(cells, 1):
         cell["execution_count"] = number
-        cell["outputs"] = list(_outputs("".join(cell["source"]), names))
+        cell["outputs"] = list(outputs("".join(cell["source"]), names))
         for output in cell["outputs"]:
             if "data" in output:
                 output["execution_count"] = number
     path.write_text(json.dumps(notebook, indent=1) + "\n", encoding="utf-8")
 
 
-def _outputs(source: str, names: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def outputs(source: str, names: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Outputs of a code cell: what it prints, and the value of its last expression."""
     statements, value = ast.parse(source).body, None
     last = statements.pop() if isinstance(statements[-1], ast.Expr) else None

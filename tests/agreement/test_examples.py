@@ -45,7 +45,7 @@ def test_the_notebook_shows_what_its_cells_give(monkeypatch: pytest.MonkeyPatch)
     elsewhere.
     """
     monkeypatch.syspath_prepend(str(NOTEBOOK.parents[1] / "docs"))
-    outputs = importlib.import_module("notebook").outputs
+    outputs = importlib.import_module("executed").outputs
     names: dict[str, Any] = {}
     for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
         if cell["cell_type"] == "code":
