@@ -114,9 +114,16 @@ Idle = list[tuple[Hashable, Any]]
 """Processes, and what they were started with."""
 
 
+def _works(process: Any) -> bool:
+    """Whether a process neither crashed nor is being ended."""
+    return process._flags.broken is None and not process._flags.shutdown
+
+
 def _has_ended(process: Any) -> bool:
     """Whether a process has come to the end of its calls, of which it is told a little later."""
     for _ in range(20):
+        if not _works(process):
+            return False
         if not process._pending_work_items and not process._running_work_items:
             return True
         time.sleep(5e-3)
@@ -138,7 +145,7 @@ def shared_processes(idle: Idle) -> Iterator[None]:
     def taken(worker: Worker) -> Any:
         key = started_with(worker)
         for place, (with_, process) in enumerate(idle):
-            if with_ == key:
+            if with_ == key and _works(process):
                 del idle[place]
                 worker._started.append(process)
                 return process
