@@ -37,16 +37,16 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 54370,
-    "modules": 222,
+    "lines": 53072,
+    "modules": 219,
     "modules with one importer": 47,
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,
     "% of lines over 100": 0.0,
-    "% of docstrings that begin with a preposition": 0.81,
-    "comprehensions per 100 statements": 5.9,
-    "ternaries per 100 statements": 2.85,
+    "% of docstrings that begin with a preposition": 0.68,
+    "comprehensions per 100 statements": 5.7,
+    "ternaries per 100 statements": 2.78,
 }
 """Largest allowed value of each count of the core."""
 

@@ -216,6 +216,16 @@ class Versionless(Everything):
         return None  # type: ignore[return-value]
 
 
+class Unversioned(Everything):
+    """Its version is no text, in another way."""
+
+    name = "unversioned"
+
+    @classmethod
+    def version(cls) -> str:
+        return ""
+
+
 class Uninstalled(Everything):
     """Is not here."""
 

@@ -34,6 +34,7 @@ PROBLEMS = ("catapult", "fixed")
 REJECTED: dict[str, tuple[str, str]] = {
     "dummy_engines:OnePreset": ("interface/description", "lacks 'stock'"),
     "dummy_engines:Versionless": ("interface/description", "version() gives None"),
+    "dummy_engines:Unversioned": ("interface/description", "version() gives ''"),
     "dummy_engines:Forgetful": ("interface/made-again", "its timestep is 0.004 instead of 0.002"),
     "dummy_engines:Growing": ("interface/made-again", "its told is True instead of None"),
     "dummy_engines:Unmade": ("interface/made-again", "step is not a field"),

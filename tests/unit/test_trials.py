@@ -59,6 +59,16 @@ def trials(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> EngineRuns:
     return EngineRuns(Runner(tb.fixed()), Store(tmp_path, resume=True, records=tmp_path))
 
 
+def test_what_was_made_and_what_was_taken_is_counted_apart(tmp_path: Path) -> None:
+    engine = tb.engine("pymunk", timestep=4e-3)
+    counts: list[tuple[int, int]] = []
+    for _ in range(2):
+        store = Store(tmp_path, resume=True, records=tmp_path)
+        EngineRuns(Runner(tb.fixed()), store).record(engine)
+        counts.append((len(store.made), len(store.taken)))
+    assert counts == [(1, 0), (0, 1)]
+
+
 def test_further_repeats_are_added_to_what_is_known(trials: EngineRuns) -> None:
     engine = Claims(timestep=0.01)
     once = trials.record(engine)
