@@ -42,8 +42,9 @@ report: $(VENV)/installed
 	@test -n "$$CI$$SSH_CONNECTION" || $(OPEN) report/report.html >/dev/null 2>&1 || true
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+# One thread of BLAS a process: matrices are small, and threads that wait for work take a core each.
 test: $(VENV)/installed
-	HYPOTHESIS_PROFILE=few $(PYTEST) -m "not again"
+	HYPOTHESIS_PROFILE=few OPENBLAS_NUM_THREADS=1 $(PYTEST) -m "not again"
 
 test-all: $(VENV)/satellites
 	$(PYTEST) tests paper/tests environments/tests importers/tests plugins/toolkit/tests
