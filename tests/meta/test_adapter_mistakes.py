@@ -137,7 +137,7 @@ def _row(name: str) -> tuple[Runner, machine.Machine, tb.Trajectory]:
     return runner, machine.machine_row(runner, Needs.of(None)), right
 
 
-@pytest.mark.parametrize(("name", "mistake"), _read_wrongly())
+@pytest.mark.parametrize(("name", "mistake"), list(_read_wrongly()))
 def test_a_motion_that_is_read_wrongly_is_named(name: str, mistake: str) -> None:
     """The reference's own motion, with one mistake in reading it and no other error."""
     runner, row, right = _row(name)
