@@ -57,7 +57,7 @@ _PUBLIC = {
     "reference.throw.throw": "throw",
 }
 _HOMES = {name: module for module, names in _PUBLIC.items() for name in names.split()}
-# The audit of the paper is a distribution of its own.
+# The audit of the paper is a distribution of its own: imported by name, where it is installed.
 _SATELLITES = {"paper": "trebucheck_paper"}
 
 # From the table above, not a literal list: type checkers read __init__.pyi instead.

@@ -1,4 +1,4 @@
-"""How long one `simulate` to the launch takes, warm: `make benchmark`. No test reads this."""
+"""Duration of one `simulate` to the launch, warm: `make benchmark`. No test reads this."""
 
 from __future__ import annotations
 

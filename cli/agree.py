@@ -166,7 +166,7 @@ def conform_command(call: Call) -> bool:
 
 
 class Format(StrEnum):
-    """How a difference is shown."""
+    """Form in which a difference is shown."""
 
     TEXT = "text"
     MARKDOWN = "markdown"

@@ -173,7 +173,7 @@ _INTERRUPTED = 130
 
 @cache
 def _group() -> Any:
-    """All commands and their options, made from the functions once a process."""
+    """Make the commands and their options from the functions, once a process."""
     # With the options that install completion, which a group alone lacks.
     return typer.main.get_command(app)
 

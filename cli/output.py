@@ -25,7 +25,7 @@ _BETWEEN = 30.0
 
 @dataclass(frozen=True)
 class Told:
-    """How much a command says: all, by default."""
+    """Amount that a command says: all, by default."""
 
     quiet: bool = False
     """The verdict in a line, and the files; no progress."""

@@ -1,1 +1,1 @@
-"""Whether, how well and why (not) the engines agree, and how that is shown."""
+"""Tell whether, how well and why (not) the engines agree, and how that is shown."""

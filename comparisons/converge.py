@@ -178,7 +178,7 @@ class LimitPair(Spec):
 
 
 class MachineStudies(ComparedMotion):
-    """All studies of one machine."""
+    """Studies of one machine."""
 
     uncertainty: dict[QuantityName, Real] = Field(
         description="of the reference [m, N m or N], of what it has"
@@ -436,7 +436,7 @@ def refinements(
 
 @dataclass(frozen=True)
 class Site:
-    """Where a floor is looked into."""
+    """Place where a floor is looked into."""
 
     engine: str
     settings: Options

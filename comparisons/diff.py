@@ -72,7 +72,7 @@ class QuantityChange:
 
     @property
     def broke(self) -> bool:
-        """Whether the verdict is worse: it exceeds its tolerance now, or is judged no longer."""
+        """Tell whether the verdict is worse: its tolerance is broken, or it is not judged now."""
         ranks = {True: 0, None: 1, False: 2}
         old, new = (None if metric is None else metric.holds for metric in (self.old, self.new))
         return ranks[new] > ranks[old]
@@ -172,7 +172,7 @@ class RunChange:
 
     @property
     def diagnoses(self) -> tuple[Diagnosis, Diagnosis] | None:
-        """Both, where the two name another first quantity or other causes."""
+        """Returns both, where the two name another first quantity or other causes."""
         if self.reason or self.old is None or self.new is None:
             return None
         old, new = self.old.diagnosis, self.new.diagnosis
@@ -261,7 +261,7 @@ class Difference(Reported):
 
     @property
     def passed(self) -> bool:
-        """Nothing broke, and something was compared."""
+        """Tell whether nothing broke and something was compared."""
         return not self.worse and self.compared > 0
 
     @property
@@ -382,7 +382,7 @@ class DifferenceData(Spec):
 
 
 def data(difference: Difference) -> DifferenceData:
-    """All of a difference; the order is that of the runs."""
+    """Returns the whole difference as data; the order is that of the runs."""
     runs: list[RunFate] = []
     for change in difference.runs:
         runs.append(
@@ -580,7 +580,7 @@ def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:
     end, model = min(old.judged_to, new.judged_to) * (1 + _SAME_END), old.model
 
     def figure(machine: Machine, name: str, subject: str | None) -> float | None:
-        """None for an event that is not there by the end."""
+        """Look a figure up; None for an event that is not there by the end."""
         time = machine.launch_time if subject is None else machine.release_times[subject]
         if time is None or time > end:
             return None

@@ -129,7 +129,7 @@ class Budget(Spec):
 
 
 class Figures(Spec):
-    """How good and how dear one setting is."""
+    """Errors and cost of one setting."""
 
     message: str | None = Field(default=None, description="why it failed")
     position: Real | None = Field(default=None, description="largest distance of any marker [m]")
@@ -191,7 +191,7 @@ class Explanation(Reported, ResultFile):
     comparisons: tuple[StockAgainstTuned, ...]
 
     def headline(self) -> str:
-        """Which runs have a budget."""
+        """Names the runs that have a budget."""
         runs = ", ".join(f"{budget.model} by {budget.label}" for budget in self.budgets)
         return f"Explanation of {runs or 'no run'}"
 
@@ -539,7 +539,7 @@ class _BudgetRuns:
         return tuple(quantities)
 
     def _chains(self) -> list[tuple[tuple[Cause, ...], list[Errors]]]:
-        """Both orders of removal with their runs: one more than there are causes, base first.
+        """Chain both orders of removal with their runs: one more than there are causes, base first.
 
         Causes whose runs fail in either order are in none.
         """
@@ -558,7 +558,7 @@ class _BudgetRuns:
                 return chains
 
     def _removals(self, causes: Sequence[Cause]) -> list[Intervention]:
-        """How causes are taken out, in the table's order: the same causes are the same run."""
+        """Take causes out, in the table's order: the same causes are the same run."""
         names = {cause.name for cause in causes}
         table = orders(self.causes)[0]
         return [c.removal for c in table if c.name in names and c.removal is not None]

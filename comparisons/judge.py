@@ -65,7 +65,7 @@ _Units = Mapping[str, float]  # SI value of each unit that a column may be in
 
 
 class Judgement(Measured, ResultFile):
-    """On one file."""
+    """Judgement of one file."""
 
     format: Literal["trebucheck-judgement-1"] = "trebucheck-judgement-1"
     file: str
@@ -287,7 +287,7 @@ class _FileMotion:
                 yield not_observed(metric.name, subject, metric.unit, NOT_GIVEN)
 
     def diagnosis(self, broken: Sequence[Metric]) -> Diagnosis:
-        """When and in what it leaves the reference, and which faults account for it.
+        """Find when and in what it leaves the reference, and which faults account for it.
 
         It is looked for in what the file itself gives, without what follows from that: a mistake
         in its coordinates would show in all points, as a wrong motion does.

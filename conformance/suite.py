@@ -136,7 +136,7 @@ class Target:
 
     @classmethod
     def of(cls, text: str) -> Target:
-        """From NAME, NAME/PRESET, or the same with 'package.module:Class' for the name.
+        """Read NAME, NAME/PRESET, or the same with 'package.module:Class' for the name.
 
         The preset is 'tuned', or the first one where there is none of that name.
 
@@ -163,7 +163,7 @@ class Target:
 
     @property
     def label(self) -> str:
-        """Both, as ids begin."""
+        """Engine and preset, as ids begin."""
         return f"{self.engine}/{self.preset}"
 
     @property
@@ -189,7 +189,7 @@ class _SkippedError(Exception):
 
 
 class _Interface:
-    """How an engine describes itself and answers; each check gives what is wrong, if anything."""
+    """Checks of how an engine describes itself and answers; each yields what is wrong."""
 
     def __init__(self, target: Target, problems: Sequence[str], worker: Worker) -> None:
         self.target, self.problems, self.worker = target, problems, worker
@@ -566,7 +566,7 @@ class Session:
         folder: Path,
         required: Sequence[str] = (),
     ) -> Session:
-        """From the texts of a command line.
+        """Read the texts of a command line.
 
         Args:
             engines: as :meth:`Target.of` reads them.

@@ -89,7 +89,7 @@ class CheckVerdict(Spec):
 
 
 class Conformance(ResultFile):
-    """All verdicts on one engine or several."""
+    """Verdicts on one engine or several."""
 
     format: Literal["trebucheck-conformance-1"] = FORMAT
     engines: dict[str, str] = Field(description="version by engine/preset")
@@ -113,7 +113,7 @@ class Conformance(ResultFile):
 
     @property
     def passed(self) -> bool:
-        """Nothing fails, and something was kept on a problem."""
+        """Tell whether nothing fails and something was kept on a problem."""
         kept = any(v.state is CheckState.KEPT and v.problem != "interface" for v in self.verdicts)
         return kept and not any(verdict.failed for verdict in self.verdicts)
 
@@ -181,7 +181,7 @@ class Deviations(Spec):
 
     @classmethod
     def read(cls, path: Path) -> Deviations:
-        """From TOML (tables [[deviation]]) or JSON ({"deviation": [...]}), by the file's name.
+        """Read TOML (tables [[deviation]]) or JSON ({"deviation": [...]}), by the file's name.
 
         Raises:
             InputError: it cannot be read, or a row lacks its id, reason or owner.

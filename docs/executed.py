@@ -1,4 +1,4 @@
-"""Pages whose commands or cells are run: Markdown with `console` blocks, and Jupyter notebooks."""
+"""Pages that `generate.py` executes, Markdown and notebooks; the test of the examples, too."""
 
 from __future__ import annotations
 

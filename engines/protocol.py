@@ -125,7 +125,7 @@ class Engine(Simulator, Protocol):
 
     @property
     def settings(self) -> dict[str, JsonValue]:
-        """Every numerical option by name, as JSON values; without the preset's name."""
+        """Numerical options by name, as JSON values; without the preset's name."""
         ...
 
     @property
@@ -182,7 +182,7 @@ class EngineOptions(Spec):
 
     @property
     def settings(self) -> dict[str, JsonValue]:
-        """Every numerical option by name, as JSON values; without the preset's name."""
+        """Numerical options by name, as JSON values; without the preset's name."""
         return self.model_dump(mode="json", exclude={"preset"})
 
 
@@ -224,7 +224,7 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Whether the engine's package is installed; a folder left by another one is not enough."""
+        """Tell whether the engine's package is installed; a folder left behind is not enough."""
         return (
             cls.version() != _ABSENT
             and importlib.util.find_spec(cls.module or cls.package) is not None

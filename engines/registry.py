@@ -76,7 +76,7 @@ class EngineClass(Protocol):
 
 
 def engine_names() -> tuple[str, ...]:
-    """Every known engine, installed or not, the built-in ones first."""
+    """Names of known engines, installed or not, the built-in ones first."""
     plugins = sorted({*(point.name for point in _installed()), *_announced()})
     return tuple(_BUILTIN) + tuple(name for name in plugins if name not in _BUILTIN)
 
@@ -217,7 +217,7 @@ class EngineStatus:
 
 
 def engines() -> dict[str, EngineStatus]:
-    """Every known engine by name, installed or not, without importing any engine's library."""
+    """List known engines by name, installed or not, without importing any engine's library."""
     status: dict[str, EngineStatus] = {}
     for name in engine_names():
         cls = engine_class(name)
@@ -258,7 +258,7 @@ def option_names(name: str) -> tuple[str, ...] | None:
 
 
 def option_table(name: str) -> tuple[OptionRow, ...]:
-    """Every option of an engine; of a class that does not tell them, those that its presets set."""
+    """Options of an engine; of a class that does not tell them, those that its presets set."""
     cls = engine_class(name)
     settings = {preset: engine(name, preset).settings for preset in cls.presets()}
     fields = option_fields(cls)

@@ -32,7 +32,7 @@ class ConstraintKinds:
 
     @classmethod
     def of(cls, mechanism: Mechanism | None) -> ConstraintKinds:
-        """Those of a mechanism; with none, those of the paper's, whose stops are on angles."""
+        """Read the kinds of a mechanism; with none, of the paper's, whose stops are on angles."""
         if mechanism is None:
             return cls()
         return cls(
@@ -266,7 +266,7 @@ _Snippets = Callable[[Any, Mechanism, float], Mapping[str, str]]
 
 @dataclass(frozen=True)
 class EngineStudy:
-    """All tables of one engine; each default holds for an engine that states nothing."""
+    """Tables of one engine; each default holds for an engine that states nothing."""
 
     causes: Callable[[Any, ConstraintKinds], tuple[Cause, ...]] = time_step_only
     """Causes of its error, from settings and kinds of constraints, in the order of removal."""

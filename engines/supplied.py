@@ -28,7 +28,7 @@ class Part(StrEnum):
 
 
 class Own(StrEnum):
-    """How much of a run is the engine's."""
+    """Share of a run that is the engine's."""
 
     ALL = "all"  # every part of it
     MOST = "most"

@@ -128,7 +128,7 @@ class Bodies:
         }
 
     def pushing(self, held: list[str], y: np.ndarray) -> list[str]:
-        """Those of the closed stops that push; one that would have to pull has opened."""
+        """Select the closed stops that push; one that would have to pull has opened."""
         while held:
             forces = self.solved(y, held)[1]
             least = min(held, key=lambda name: forces[f"stop {name}"])
@@ -142,7 +142,7 @@ class Bodies:
         return np.concatenate([np.split(y, 2)[1], self.solved(y, held)[0]])
 
     def opening(self, name: str) -> Any:
-        """When the torque of a stop falls through zero; solve_ivp locates it inside its step."""
+        """Event: the torque of a stop falls through zero; solve_ivp locates it inside its step."""
 
         def torque(_: float, y: np.ndarray, held: Sequence[str]) -> float:
             return float(self.solved(y, held)[1][f"stop {name}"])

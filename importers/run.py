@@ -139,7 +139,7 @@ def _forget_others(out: Path, name: str) -> None:
 
 
 def run(trebucheck: str, names: list[str]) -> dict[str, str]:
-    """All of them; why some could not be run, by name."""
+    """Run all plug-ins; returns why some could not be run, by name."""
     failed: dict[str, str] = {}
     for number, name in enumerate(names, 1):
         print(f"{name} ({number} of {len(names)})", flush=True)

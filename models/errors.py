@@ -6,7 +6,7 @@ _LONGEST, _TAIL = 1000, 300
 
 
 def shortened(text: str) -> str:
-    """At most some thousand characters of a text; a longer one is cut in its middle."""
+    """Cut a text of more than some thousand characters in its middle."""
     if len(text) <= _LONGEST:
         return text
     left_out = f" [... {len(text) - _LONGEST} characters ...] "

@@ -214,7 +214,7 @@ class Kinematics(Phasors):
 
     @cached_property
     def gaps(self) -> dict[str, ScalarFunction]:
-        """Each stop's gap."""
+        """Gaps of the stops."""
         return {stop.name: stop.gap(self) for stop in self.mechanism.stops}
 
     @cached_property

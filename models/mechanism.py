@@ -60,7 +60,7 @@ class Tree:
 
     @cached_property
     def joints(self) -> tuple[AnyJoint, ...]:
-        """Each body's joint to its parent, in the order of the bodies."""
+        """Joints of the bodies to their parents, in the order of the bodies."""
         first = {joint.child: joint for joint in reversed(self.all_joints)}
         return tuple(first[body] for body in self.angle_names)
 
@@ -262,7 +262,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def tree_joints(self) -> tuple[AnyJoint, ...]:
-        """Each body's joint in the tree, to its parent, in the order of the bodies."""
+        """Joints of the bodies in the tree, to their parents, in the order of the bodies."""
         return self.tree.joints
 
     @property

@@ -60,7 +60,7 @@ class Problem(Shown, Spec):
         return f"Problem: {name!r} for {self.duration:g} s, stops {law}"
 
     def facts(self) -> Iterable[tuple[str, str]]:
-        """Those of its mechanism."""
+        """Features of its mechanism."""
         return self.mechanism.facts()
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""How descriptions and results show themselves: a line, a table or report in a notebook, plots.
+"""Display of descriptions and results: a line, a table or report in a notebook, plots.
 
 Reports stand above what they are about, in packages that import it. So a result asks the renderer
 that the package installs when it is imported (`show_with`), and knows no module of a report.

@@ -60,7 +60,7 @@ class SpecError(InputError):
 
     @classmethod
     def of(cls, error: ValidationError, subject: str) -> SpecError:
-        """From pydantic's list: each field, its value and what would be valid."""
+        """Word pydantic's list: each field, its value and what would be valid."""
         complaints: list[tuple[str, str]] = []
         rows = error.errors(include_url=False)
         for row in rows:

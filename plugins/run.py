@@ -215,7 +215,7 @@ class Plugin:
 
 
 def files(folder: Path) -> list[Path]:
-    """Those that decide what runs."""
+    """Files that decide what runs."""
     return sorted(
         path
         for path in folder.rglob("*")

@@ -46,7 +46,7 @@ class Added:
 
     @classmethod
     def none(cls, n_q: int) -> Added:
-        """Nothing beside them."""
+        """Add nothing beside them."""
         return cls(np.zeros(n_q), np.zeros((n_q, n_q)), np.zeros(n_q), np.zeros((n_q, n_q)))
 
     @cached_property

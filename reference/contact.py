@@ -104,7 +104,7 @@ def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
 def active_contacts(
     equations: Equations, q: FloatArray, u: FloatArray, touching: Sequence[str]
 ) -> tuple[str, ...]:
-    """Those of the touching stops that push (torque >= 0); the others are about to open.
+    """Select the touching stops that push (torque >= 0); the others are about to open.
 
     A stop whose torque would be negative cannot push and is left out, all stops decided at once.
 
@@ -338,7 +338,7 @@ class ActiveSet:
         return dict(zip(names, (gap_jacobian(self.equations, q, names) @ u).tolist(), strict=True))
 
     def _note_release(self, name: str, t: float) -> None:
-        """Only the first opening counts: the throw depends on it."""
+        """Note an opening; only the first one counts: the throw depends on it."""
         if self.releases[name] is None and self.problem.mechanism.stop(name).closed:
             self.releases[name] = t
 

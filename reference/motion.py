@@ -218,5 +218,5 @@ class ReferenceMotion(Shown):
 
     @staticmethod
     def _shaped(t: ArrayLike, values: FloatArray) -> FloatArray:
-        """Without the axis of times where a single one was asked for."""
+        """Drop the axis of times where a single one was asked for."""
         return values if np.ndim(t) else values[0]

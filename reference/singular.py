@@ -271,7 +271,7 @@ class RankWatch:
     def _passages(
         self, motion: Polynomial, difference: float, t: FloatArray
     ) -> Iterator[SingularPassage]:
-        """Where singular values vanish, each of them changing its sign."""
+        """Find where singular values vanish, each of them changing its sign."""
         for rough in self._minima(motion, t):
             for bracket in self._minima(motion, rough):
                 time, value, rate = self._zero(motion, bracket)

@@ -97,7 +97,7 @@ class Solution(Shown):
         yield "impacts", str(len(self.impacts))
 
     def motion(self, t: FloatArray) -> MotionSamples:
-        """Everything at times t [s], shape (n,); at an event, the state after it.
+        """Compute everything at times t [s], shape (n,); at an event, the state after it.
 
         Raises:
             InputError: a time lies outside the solution.
@@ -253,7 +253,7 @@ class Solution(Shown):
     def reading(
         self, t: FloatArray, motion: MotionSamples, provenance: Provenance | None = None
     ) -> Trajectory:
-        """Everything that a trajectory holds, of a motion at the times t [s], shape (n,)."""
+        """Read everything that a trajectory holds, of a motion at the times t [s], shape (n,)."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         provenance = provenance or Provenance(
             engine="reference",

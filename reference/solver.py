@@ -359,7 +359,7 @@ def _downward_zero_crossing(
     gaps: FloatArray,
     speeds: FloatArray,
 ) -> float | None:
-    """Where a gap falls through zero in an interval, by its values and speeds at the ends."""
+    """Find where a gap falls through zero in an interval, by its values and speeds at the ends."""
     start, end = interval
     if speeds[0] >= 0 and speeds[1] >= 0:
         return None

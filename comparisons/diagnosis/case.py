@@ -45,7 +45,7 @@ PATIENCE = 20
 
 
 def _values(trajectory: Trajectory) -> dict[Quantity, FloatArray]:
-    """Everything that a trajectory tells, each of shape (n, n_components)."""
+    """Values that a trajectory tells, each of shape (n, n_components)."""
     values = {Quantity(Kind.COORDINATES): trajectory.q, Quantity(Kind.SPEEDS): trajectory.u}
     for name, marker in trajectory.markers.items():
         values[Quantity(Kind.POSITION, name)] = marker.position
@@ -115,7 +115,7 @@ class Channels:
     def of(
         cls, trajectory: Trajectory, reference: Trajectory, told: Container[str] | None = None
     ) -> Channels:
-        """Those that both have, at the same times, and of them those that are told."""
+        """Select the quantities that both have and that are told, at the same times."""
         recorded, right = _values(trajectory), _sizes(reference)
         sizes: dict[Quantity, float | FloatArray] = {}
         widths: dict[Quantity, int] = {}
@@ -320,7 +320,7 @@ class Case:
 
     @property
     def has_velocity_forces(self) -> bool:
-        """Whether centrifugal forces are more than rounding in it: a single pendulum has none."""
+        """Tell whether it has more centrifugal force than rounding: a single pendulum has none."""
         equations, q = self.solution.equations, self.motion.q
         bias = np.abs(equations.bias(q, self.motion.u)).max()
         return bool(bias > _ROUNDING * np.abs(equations.gravity_forces(q)).max())

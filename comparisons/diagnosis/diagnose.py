@@ -283,7 +283,7 @@ def _outright_causes(case: Case) -> Iterator[RankedCause]:
 
 
 def _reading_causes(case: Case) -> list[RankedCause]:
-    """Where no single kind of quantity is read late, all that deviate may be."""
+    """Read all that deviate late, where no single kind of quantity is."""
     problem = case.solution, case.reference
     found = list(_fitted(case, all_readings(*problem, case.trajectory, case.step)))
     if max((cause.explained for cause in found), default=0.0) < SAME:
@@ -318,7 +318,7 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
 
 
 def _motion_agrees(case: Case) -> bool:
-    """Whether coordinates and speeds are right, or all positions and velocities, and others not.
+    """Tell whether coordinates and speeds, or positions and velocities, alone are right.
 
     Right is what deviates by a small part of the whole deviation, and keeps its tolerance: an
     energy that depends on the square of a speed outweighs what goes with it.
@@ -499,7 +499,7 @@ def diagnose_model(engine: Engine, mechanism: Mechanism, broken: Equality) -> Di
 
 
 class _BuiltModel:
-    """What an engine shows of its built model, against the reference's equations."""
+    """Model that an engine has built, as far as it shows it, against the reference's equations."""
 
     def __init__(
         self, mechanism: Mechanism, states: Sequence[State], inspection: Inspection
@@ -591,7 +591,7 @@ class _BuiltModel:
             yield RankedCause(name=fault.name, kind=fault.kind, explained=share)
 
     def _signatures(self, equations: Equations) -> list[FloatArray]:
-        """In absolute coordinates and in those from the start, which are off by its error.
+        """Signatures in absolute coordinates and in those from the start, off by its error.
 
         And a stop at a wrong position need not have moved the start with it. A missing stop shows
         by itself: see :meth:`single_quantities`.

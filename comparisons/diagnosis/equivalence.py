@@ -247,7 +247,7 @@ def scaled_differences(reference: Expected, dynamics: Sequence[Dynamics]) -> Flo
     def add(
         exposed: Mapping[int, FloatArray | None], right: FloatArray, sizes: FloatArray | float
     ) -> None:
-        """What is exposed in some states, by their index; sizes are of all states."""
+        """Add what is exposed in some states, by their index; sizes are of all states."""
         shown = {k: values for k, values in exposed.items() if values is not None}
         if shown:
             every, rows = np.broadcast_to(sizes, right.shape), list(shown)

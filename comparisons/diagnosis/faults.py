@@ -181,7 +181,7 @@ class Component:
     """A stiffness or a damping: less than none would drive the mechanism."""
 
     def is_sensible(self, factor: float) -> bool:
-        """Whether `factor` times the small size is a value that such a fault can have."""
+        """Tell whether `factor` times the small size is a value that such a fault can have."""
         size = factor * self.scale
         lowest = {"": -1.0, "rad": -math.pi, "m": -self.length}.get(self.unit, -math.inf)
         highest = {"": _MOST, "rad": math.pi, "m": self.length}.get(self.unit, math.inf)
@@ -473,7 +473,7 @@ def _suspect_force_elements(table: _Suspects) -> None:
 
 
 def _suspect_start(table: _Suspects, named: bool) -> None:
-    """Each start coordinate, with which closed stops are moved, and each start speed."""
+    """Suspect each start coordinate, with which closed stops are moved, and each start speed."""
     mechanism, length = table.mechanism, mechanism_length(table.mechanism)
     equations, (q, u) = Equations(mechanism), initial_state(mechanism)
     closed = [stop.name for stop in mechanism.stops if stop.closed]

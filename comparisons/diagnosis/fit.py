@@ -177,7 +177,7 @@ def fitting_faults(case: Case) -> list[RankedCause]:
 
 
 def _signatures(case: Case) -> list[tuple[Fault, FloatArray]]:
-    """Each fault with its components' signatures by both readings, (2, n_components, m)."""
+    """Pair each fault with its components' signatures by both readings, (2, n_components, m)."""
     small = _small_faults(case.mechanism)
     faulty = [equations for _, several in small for equations in several]
     rows: list[FloatArray] = []
@@ -322,7 +322,7 @@ def faults_at_the_same_motion(case: Case) -> Iterator[RankedCause]:
 
 
 def _unmoved(case: Case, equations: Equations | None) -> FloatArray | None:
-    """Both readings of the reference's motion by other equations; None if those move it."""
+    """Read the reference's motion by other equations, in both ways; None if those move it."""
     if equations is None or equations.mechanism.start != case.mechanism.start:
         return None
     wrong = _with_equations(case, equations)

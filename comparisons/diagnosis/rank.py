@@ -1,4 +1,4 @@
-"""Which of the suspects account for enough of a deviation to be named as its cause.
+"""Ranking of suspects: those that account for enough of a deviation are named as its cause.
 
 Deviations grow towards the launch, and whatever caused them, a good part of them then has the same
 shape: nearly every suspect accounts for half of nearly every deviation. So a share alone is no

@@ -355,7 +355,7 @@ def _is_part(part: FloatArray, whole: FloatArray) -> bool:
 
 
 def _kinetic_mistakes(r: Trajectory) -> dict[str, FloatArray]:
-    """Without a body, of it alone, without rotation, or with its inertia about the joint."""
+    """Kinetic energies without a body, of it alone, without rotation, or about the joint."""
     bodies, every, zero = r.mechanism.bodies, r.kinetic_energy, np.zeros_like(r.t)
     spin = {b.name: (r.u @ r.kinematics.angle(b.name).coefficients) ** 2 for b in bodies}
     turning = {b.name: 0.5 * b.inertia * spin[b.name] for b in bodies if b.inertia}
@@ -477,7 +477,7 @@ class _Times:
 def partly_late_readings(
     solution: Solution, r: Trajectory, step: float, wrong: Collection[Kind]
 ) -> Iterator[Reading]:
-    """Those kinds of quantity read at one other time that deviate, and no others.
+    """Read the kinds of quantity that deviate at one other time, and no others.
 
     Args:
         solution: the reference's.

@@ -42,7 +42,7 @@ def format_number(value: float | None) -> str:
 
 
 def format_value(value: object) -> str:
-    """Any value of a table: a number to six digits, a dash for none."""
+    """Format a value of a table: a number to six digits, a dash for none."""
     if value is None:
         return "–"
     if isinstance(value, bool):

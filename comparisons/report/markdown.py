@@ -78,7 +78,7 @@ def _sign(of: doc.Text | doc.Cell, shown: bool) -> str:
 
 
 def _plain(text: str) -> str:
-    """On one line, and without tags: what an engine says is no HTML."""
+    """Put a text on one line, without tags: what an engine says is no HTML."""
     return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", " ".join(text.splitlines()))
 
 

@@ -41,7 +41,7 @@ Symbol = Literal["circle", "square", "diamond", "triangle", "star", "times"]
 
 @dataclass(frozen=True)
 class Style:
-    """How a series is drawn."""
+    """Style in which a series is drawn."""
 
     colour: str = INK
     dashed: bool = False

@@ -1,4 +1,4 @@
-"""How far a trajectory is from the reference, read at the trajectory's own times.
+"""Distances of a trajectory from the reference, read at the trajectory's own times.
 
 No sample of an engine is interpolated, except for the launch, which falls between two samples (a
 polynomial through the eight samples around it, :mod:`...models.launch`).
@@ -181,7 +181,7 @@ def measure(
     invariants_to: float | None = None,
     stretching: Stretching | None = None,
 ) -> tuple[Metric, ...]:
-    """Every metric; of what the engine does not observe one that says so.
+    """Measure every metric; of what the engine does not observe one says so.
 
     Args:
         end: end of the compared motion, the reference's launch by default of the suite [s].

@@ -315,7 +315,7 @@ def _import(modules: tuple[str, ...]) -> bool:
     threads = len(list(_TASKS.iterdir()))
     for name in modules:
         with suppress(Exception):
-            import_module(name)
+            import_module(name)  # by name: only the call knew which it needs
     return len(list(_TASKS.iterdir())) <= threads
 
 
@@ -398,6 +398,6 @@ def in_order(
 
 
 def all_in_order(function: Callable[[_K], _V], items: Iterable[_K], jobs: int) -> list[_V]:
-    """All of :func:`in_order`; where one raises an error, no further ones are started."""
+    """List :func:`in_order`; where one call raises an error, no further ones are started."""
     with closing(in_order(function, items, jobs)) as results:
         return list(results)

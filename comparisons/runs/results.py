@@ -175,7 +175,7 @@ class Metric(OnSubject, Spec):
 
     @property
     def unjudged(self) -> bool:
-        """Whether it was compared or asked for, stands for itself, and yet has no tolerance."""
+        """Tell whether it stands for itself, compared or asked for, without a tolerance."""
         wanted = self.observed or self.source == "need"
         return wanted and self.follows is None and self.tolerance is None
 
@@ -197,7 +197,7 @@ class Check(OnSubject, Spec):
 
 
 class Equality(Spec):
-    """Whether an engine has built the same machine, before any motion."""
+    """Tell whether an engine has built the same machine, before any motion."""
 
     exposed: bool = Field(description="whether the engine shows its built model at all")
     note: str | None = None
@@ -227,7 +227,7 @@ class RankedCause(Spec):
 
 
 class Diagnosis(Spec):
-    """Where and how a run first parts from the reference, and what is likely to be wrong."""
+    """Onset of a run's departure from the reference, and what is likely to be wrong."""
 
     leads: str = Field(description="label of the figure that leaves its tolerance first")
     parts_at: Real | None = Field(default=None, description="[s]; None before any motion")

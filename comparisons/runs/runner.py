@@ -225,7 +225,7 @@ def _distance(metric: Metric, scales: Scales, solution: Solution) -> float:
 
 @dataclass(frozen=True)
 class Farthest:
-    """Where and when a run is farthest from the reference."""
+    """Point and time at which a run is farthest from the reference."""
 
     point: str  # marker, or body of a mechanism without markers
     distance: float  # [m]

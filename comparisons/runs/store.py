@@ -77,7 +77,7 @@ class Store:
         return max(self.jobs.values(), default=jobs)
 
     def path(self, model: str, label: str) -> Path:
-        """Where a trajectory is kept."""
+        """Path at which a trajectory is kept."""
         return self.folder / f"{model}-{label.replace(' ', '-')}.nc"
 
     def trajectory(self, model: str, label: str, conditions: str) -> Trajectory | None:

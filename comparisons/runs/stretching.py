@@ -132,7 +132,7 @@ _Reading = Callable[[Solution, FloatArray, Scales], _ComplexArray]
 
 
 class _Changed:
-    """How far changed mechanisms move from the unchanged one."""
+    """Distances that changed mechanisms move from the unchanged one."""
 
     def __init__(self, solution: Solution, end: float, scales: Scales) -> None:
         self.problem, self.end, self.scales = solution.problem, end, scales

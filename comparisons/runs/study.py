@@ -162,7 +162,7 @@ class _HowRun(TypedDict, total=False):
 
 
 class RunOptions(_HowRun, total=False):
-    """How runs are made: keywords of every function that makes some."""
+    """Options of runs: keywords of every function that makes some."""
 
     options: Mapping[str, Any] | None
     """Over each preset's: of every engine that has them, or of one, as 'mujoco.solref'."""
@@ -301,7 +301,7 @@ class Study:
 
     @property
     def mechanisms(self) -> tuple[Mechanism, ...]:
-        """Each name once."""
+        """Mechanisms with each name once."""
         return tuple(map(mechanism_of, self._models.values()))
 
     @cached_property

@@ -63,7 +63,7 @@ class Need:
 
     @classmethod
     def of(cls, name: str, given: float | str) -> Self:
-        """From a number, or a text with or without '%'.
+        """Read a number, or a text with or without '%'.
 
         Raises:
             InputError: it is not a positive finite number.
@@ -83,7 +83,7 @@ class Need:
 
 @dataclass(frozen=True)
 class Needs:
-    """All tolerances that a user states."""
+    """Tolerances that a user states."""
 
     # By name of the metric and its subject; None: any subject
     by_quantity: Mapping[tuple[str, str | None], Need] = field(

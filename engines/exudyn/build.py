@@ -172,7 +172,7 @@ def _holds(rows: FloatArray, moved: FloatArray) -> bool:
 def _holds_without(
     kinematics: Kinematics, q: FloatArray, joint: AnyJoint, left_out: frozenset[str]
 ) -> bool:
-    """Whether the child does not move relative to the parent although its angle is not held."""
+    """Tell whether the child is at rest relative to the parent without its angle being held."""
     rows, rates = _loop_rows(kinematics, q, left_out), kinematics.rates(q)
     values = np.linalg.svd(rows, compute_uv=False)
     held = values[values > DEPENDENT * values[0]]

@@ -65,7 +65,7 @@ class RelativePoint:
         return (self.kind, self.point), (f"{self.kind} anchor", anchor)
 
     def place(self, values: Values) -> ComplexArray:
-        """From the anchor, in the frame [m], shape (n,)."""
+        """Place from the anchor, in the frame [m], shape (n,)."""
         return self._in_frame(self._difference(values, "Position"), values)
 
     def speed(self, values: Values) -> ComplexArray:

@@ -169,7 +169,7 @@ class Conditioning:
 
 
 class _Outcome(Enum):
-    """How some steps ended."""
+    """End of some steps."""
 
     ARRIVED = auto()
     STOPPED = auto()
@@ -495,5 +495,5 @@ class Solver:
 
 
 def is_at(time: float, end: float) -> bool:
-    """Whether a run that is to end at a time has come there, as far as sums of steps can tell."""
+    """Tell whether a run has come to its end, to the rounding of sums of steps."""
     return abs(time - end) <= _SAME_TIME * max(1.0, end)

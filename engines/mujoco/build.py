@@ -85,7 +85,7 @@ class Limit:
     def preload(
         self, data: Any, correction: ReferenceAccelerationCorrection, forces: FloatArray
     ) -> None:
-        """If it pushes, balance its softness by its margin: k d (margin - gap) = R f.
+        """Balance a pushing stop's softness by its margin: k d (margin - gap) = R f.
 
         Args:
             data, correction: of MuJoCo.
@@ -200,7 +200,7 @@ _STOPS: ElementTable[Callable[[Any, Mapping[str, str], Any], UnilateralConstrain
 
 
 def stop_constraints(mechanism: Mechanism, model: Any) -> dict[str, UnilateralConstraint]:
-    """Each stop's limit or contact, by the stop's name."""
+    """Limits or contacts, by the stop's name."""
     names = mjcf_names(mechanism)
     return {stop.name: _STOPS[stop](model, names, stop) for stop in mechanism.stops}
 
@@ -211,7 +211,7 @@ def _point_stops(mechanism: Mechanism, model: Any) -> list[PointContact]:
 
 
 def slot_contacts(mechanism: Mechanism, model: Any) -> list[PointContact]:
-    """Both contacts of each slot that closes a loop."""
+    """Contacts of each slot that closes a loop, both."""
     names = mjcf_names(mechanism)
     return [
         _contact(model, names[rail_contact(slot.name, side)])

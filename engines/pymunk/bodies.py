@@ -71,7 +71,7 @@ def is_brace(mechanism: Mechanism, stop: elements.Stop, body: str) -> bool:
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a body's frame is in that of the body (or of the ground) that carries it."""
+    """Pose of a body's frame in that of the body (or of the ground) that carries it."""
 
     carrier: str
     origin: complex = 0j  # [m]
@@ -219,7 +219,7 @@ def _pair(z: complex) -> Vector:
 
 @dataclass
 class BodyPart:
-    """How a body of the mechanism is represented in the space."""
+    """Representation of a body of the mechanism in the space."""
 
     name: str
     body: pymunk.Body
@@ -328,7 +328,7 @@ def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
 
 
 def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
-    """Whether a body can be a point mass on a rod: its angle is needed by nothing but its rod."""
+    """Tell whether a body can be a point mass on a rod: nothing else needs its angle."""
     joint, loops = mechanism.joint_of(body), mechanism.loop_joints
     walls = [stop for stop in mechanism.point_stops if stop.closed]
     guides = any(

@@ -113,7 +113,7 @@ class _Builder:
     # --- Joints
 
     def add_nothing(self, joint: elements.FreeJoint | elements.WeldJoint) -> None:
-        """Nothing is held by a free joint, nor by a weld of the tree: its bodies are one."""
+        """Add no constraint for a free joint, nor for a weld of the tree: its bodies are one."""
 
     def add_tree_pin(self, joint: elements.PinJoint) -> None:
         """Add a rod to a bob, else a pivot."""

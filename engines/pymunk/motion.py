@@ -201,7 +201,7 @@ class SteppedSegment:
 
     @property
     def _checks_passes(self) -> bool:
-        """Whether a step has as many passes as its loops need: if joints keep their lengths."""
+        """Tell whether steps have the passes that loops need: if joints keep their lengths."""
         # An active stop closes a loop as a joint does.
         closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
         return self.options.hold_lengths and closed

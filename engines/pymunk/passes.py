@@ -1,4 +1,4 @@
-"""How many passes of Chipmunk's impulse solver a step needs, from the constraints' own matrices.
+"""Number of passes of Chipmunk's impulse solver a step needs, from the constraints' matrices.
 
 A pass of projected Gauss-Seidel solves one constraint after the other. In velocities weighted by
 the roots of the masses, with the columns B_i of W^(1/2) J_i^T, that is an orthogonal projection for

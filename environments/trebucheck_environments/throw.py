@@ -1,4 +1,4 @@
-"""When to let go: a trebuchet swings, and the one action that counts is the release."""
+"""Task of letting go: a trebuchet swings, and the one action that counts is the release."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ class ThrowEnv(gymnasium.Env[Observation, np.int64]):
             self._shown = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what belongs to the graphics library and the flight, which are made again."""
+        """Copy all but the flight and the graphics library's parts, which are made again."""
         return {**self.__dict__, "_shown": None, "_flight": self._flight is not None}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

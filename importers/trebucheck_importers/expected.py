@@ -170,7 +170,7 @@ class Expected:
 
     @classmethod
     def of(cls, model: ZooModel, data: xr.Dataset) -> Self:
-        """From the model and its data as :func:`with_joint_values` gives them."""
+        """Read the model and its data as :func:`with_joint_values` gives them."""
         whole = _motion(data)
         events = len(whole.positions) != int(_free(data).sum())
         force = np.asarray(data["constraint_force"].values[-1], dtype=np.float64)

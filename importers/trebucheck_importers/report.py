@@ -152,7 +152,7 @@ def _sized(check: Check) -> str:
 
 
 def _all_files(results: ImporterResults) -> Iterator[tuple[str, FileResult]]:
-    """Each model's file and the variants that were tried, with a name."""
+    """List each model's file and the variants that were tried, with a name."""
     for model in results.models:
         yield model.model, model
         yield from ((f"{model.model} ({tried.variant})", tried) for tried in model.variants)

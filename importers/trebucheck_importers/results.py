@@ -27,7 +27,7 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 
 class Verdict(StrEnum):
-    """On one quantity of one model."""
+    """Verdict on one quantity of one model."""
 
     RIGHT = "right"
     WRONG = "wrong"

@@ -1,4 +1,4 @@
-"""How far an importer may be off; nothing here is set from what importers do."""
+"""Tolerances of importers; nothing here is set from what importers do."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class SpringDamper(TwoBodyForceElement):
 
     @property
     def ends(self) -> tuple[tuple[str, Vector], ...]:
-        """Both bodies with their points, the body's own first."""
+        """Bodies with their points, the body's own first."""
         return (self.body, self.point), (self.relative_to, self.relative_point)
 
     @property

@@ -48,7 +48,7 @@ class BouncingParameters(BenchmarkParameters):
 
     @property
     def speed(self) -> float:
-        """At the first impact [m/s]."""
+        """Speed at the first impact [m/s]."""
         return math.sqrt(2 * self.g * self.height)
 
     @property
@@ -166,7 +166,7 @@ class FallingRodParameters(BenchmarkParameters):
 
     @property
     def speed(self) -> float:
-        """At the first impact [m/s]."""
+        """Speed at the first impact [m/s]."""
         return math.sqrt(2 * self.g * self.height)
 
     @property

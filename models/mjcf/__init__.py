@@ -73,7 +73,7 @@ def as_spec(text: str) -> Any:
         EngineNotInstalledError: MuJoCo is not installed.
     """
     try:
-        mujoco: Any = importlib.import_module("mujoco")
+        mujoco: Any = importlib.import_module("mujoco")  # it has no types
     except ImportError as error:
         raise EngineNotInstalledError(f"an MjSpec needs MuJoCo: {error}") from error
     return mujoco.MjSpec.from_string(text)

@@ -29,7 +29,7 @@ _HEAVY = 8.0  # times the lightest mass: drawn as a box, on an iron rod instead 
 
 
 def distinct(points: list[complex], centre: complex, size: float) -> list[complex]:
-    """Those of the points that are not the centre."""
+    """Select the points that are not the centre."""
     return [point for point in points if abs(point - centre) > 1e-9 * size]
 
 
@@ -164,7 +164,7 @@ class Appearance:
                 self._add_bearing(shapes, joint)
 
     def _add_rods(self, shapes: Shapes, body: Body, *, heavy: bool) -> None:
-        """From the joint to whatever hangs on the body: beams, or what holds a point mass."""
+        """Add rods from the joint to what hangs on the body: beams, or a point mass's holder."""
         mechanism = self.mechanism
         points = [
             joint.parent_point for joint in mechanism.tree_joints if joint.parent == body.name

@@ -171,7 +171,7 @@ class Thrown:
         return [*values[:n], 0.0, 0.0, *values[n:]]
 
     def add_body(self, element: ET.Element, body: str, radius: float, look: str) -> None:
-        """On the body that carries it, the projectile, which moves in the plane without turning."""
+        """Fix the projectile, which does not turn, on the body that carries it."""
         if body != self.marker.body:
             return
         origin = self.mechanism.joint_of(body).child_point
@@ -215,7 +215,7 @@ def released(model: Any, data: Any) -> Any:
     Returns:
         The model to go on with: the projectile has its mass, and the machine has it no longer.
     """
-    mujoco: Any = importlib.import_module("mujoco")
+    mujoco: Any = importlib.import_module("mujoco")  # it has no types
     data.eq_active[model.equality(HOLD).id] = 0
     ball, handed = model.body(PROJECTILE).id, float(model.numeric(HANDED_OVER).data[0])
     carrier, after = int(model.body_parentid[ball]), copy.copy(model)
@@ -247,7 +247,7 @@ def throw(model: Any, data: Any, release_time: float | None = None, longest: flo
     Raises:
         InputError: it has not landed by then.
     """
-    mujoco: Any = importlib.import_module("mujoco")
+    mujoco: Any = importlib.import_module("mujoco")  # it has no types
     at = float(model.key("launch").time[0]) if release_time is None else release_time
     while data.time < at:
         mujoco.mj_step(model, data)

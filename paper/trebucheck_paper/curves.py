@@ -45,7 +45,7 @@ Values = Callable[[Trajectory], tuple[FloatArray, FloatArray]]
 
 
 def series(evidence: Evidence) -> tuple[Series, ...]:
-    """All of them."""
+    """Rows of this section."""
     fixed, panels = evidence.throws[FIXED], list(zip("ab", evidence.throws.items(), strict=False))
     curves = [
         *_torque(fixed, "Fig. 2", HANGER_REST, 1.0),

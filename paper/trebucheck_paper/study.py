@@ -208,7 +208,7 @@ def _as_data(results: Mapping[str, Spec], failures: Mapping[str, str]) -> dict[s
 
 
 def claims(evidence: Evidence) -> tuple[Claim, ...]:
-    """Every claim of the paper that a solver can reach, in the order of the paper."""
+    """List the claims of the paper that a solver can reach, in the order of the paper."""
     all_claims = [row.claim(evidence) for group in THROWS for row in group.rows(evidence)]
     for name in _ROWS:
         all_claims += _of_section(name, evidence)

@@ -80,7 +80,7 @@ class Motion(Protocol):
 
     @property
     def release_times(self) -> Mapping[str, float | None]:
-        """When each stop opened [s]."""
+        """Times when the stops opened [s]."""
         ...
 
     @property
@@ -305,7 +305,7 @@ def _near(
     value: Callable[[float], float],
     rate: Callable[[float], float],
 ) -> float | None:
-    """Where a function is largest within a step of the launch, after the last release [s]."""
+    """Find when a function is largest within a step of the launch, after the last release [s]."""
     times = motion.release_times.values()
     opened = [time for time in times if time is not None and time < launch.time]
     before = max(max(opened, default=0.0), launch.time - step)
@@ -319,7 +319,7 @@ def _maximum(
     end: float,
     step: float,
 ) -> float | None:
-    """Where a smooth function is largest [s]; None at an end of the interval."""
+    """Find when a smooth function is largest [s]; None at an end of the interval."""
     times = np.linspace(start, end, max(3, math.ceil((end - start) / step) + 1))
     best = int(np.argmax([value(float(t)) for t in times]))
     if best in (0, len(times) - 1):
@@ -331,7 +331,7 @@ def _maximum(
 
 
 def vacuum_range(motion: Motion, gravity: float, t: float) -> float:
-    """Where a projectile let go at t comes back to y = 0 [m]; NaN where it never does."""
+    """Compute where a projectile let go at t comes back to y = 0 [m]; NaN where it never does."""
     (x, y), (vx, vy), _ = motion.marker(PROJECTILE, t)
     return float(x + vx * _flight_time(y, vy, gravity))
 

@@ -205,7 +205,7 @@ def _until_release(
 
 
 def _release(system: ConstrainedSystem, step: _Step, i: int) -> float | None:
-    """When the torque of a step's i-th active stop first falls through zero in it [s]."""
+    """Find when the torque of a step's i-th active stop first falls through zero in it [s]."""
 
     def torque(t: float) -> float:
         return float(system.torques(np.asarray(step.dense(t)), step.active)[i])

@@ -150,7 +150,7 @@ class PaperMotion:
 
     @property
     def release_times(self) -> Mapping[str, float | None]:
-        """When each stop opened [s]."""
+        """Times when the stops opened [s]."""
         return {**self.motion.release_times, ARM_STOP: None}
 
     def state(self, t: float) -> tuple[FloatArray, FloatArray]:

@@ -60,7 +60,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Ends:
-    """Both ends of m vectors, the leading one first: arrays (m, 2, 2), spins (m, 2)."""
+    """Ends of m vectors, the leading one first: arrays (m, 2, 2), spins (m, 2)."""
 
     centres: FloatArray
     arms: FloatArray
@@ -530,7 +530,7 @@ class RedundantMotion:
 
     @property
     def release_times(self) -> Mapping[str, float | None]:
-        """When each stop opened [s]; None if it did not, or was never closed."""
+        """Times when the stops opened [s]; None if one did not, or was never closed."""
         stops = self.system.mechanism.stops
         return {stop.name: self.motion.release_times.get(stop.name) for stop in stops}
 

@@ -134,7 +134,7 @@ def _of_fields(part: Spec, path: str) -> Iterator[PhysicalNumber]:
 
 
 def _name_of_number(part: Any, field: str) -> str:
-    """Such as "stiffness of strut spring", "place of knee on thigh" or "direction of rail"."""
+    """Name a number, e.g. "stiffness of strut spring" or "direction of rail"."""
     name = part.name
     if "spring" in getattr(part, "kind", "") and "spring" not in name.lower():
         name += " spring"
@@ -423,7 +423,7 @@ def whipper_numbers(p: Mapping[str, Any]) -> dict[str, Any]:
 def parameter_directions(
     build: Callable[[TrebuchetParameters], Mechanism], parameters: TrebuchetParameters
 ) -> dict[str, Direction]:
-    """How the machine's numbers change with each field of the parameters: exact, by a complex step.
+    """Derivatives of the machine's numbers by each parameter: exact, by complex steps.
 
     f(p + i h) = f(p) + i h f'(p) + O(h^2) (Squire and Trapp, SIAM Review 40 (1998) 110-112): no
     difference is taken, so h can be so small that only rounding is left.

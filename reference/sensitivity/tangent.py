@@ -162,7 +162,7 @@ class _Along:
         return StateTangent(t, *state, last.closed, *events)
 
     def _start(self, first: Segment) -> tuple[Dual, Dual]:
-        """At t = 0, behind an impact if the start drives into a closed stop."""
+        """Start at t = 0, behind an impact if the start drives into a closed stop."""
         equations = self.equations
         q, u = initial_state(self.solution.problem.mechanism)
         q_after, u_after = _state(first, first.start)

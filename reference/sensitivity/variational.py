@@ -220,7 +220,7 @@ _FUNCTIONS: dict[Any, Callable[..., Dual]] = {
 
 
 def numbers(mechanism: Mechanism) -> dict[str, float]:
-    """Every number of a mechanism by name, its start speeds included where it rests."""
+    """Numbers of a mechanism by name, its start speeds included where it rests."""
 
     def walk(value: object, path: str) -> Iterator[tuple[str, float]]:
         if isinstance(value, float):
@@ -299,7 +299,7 @@ def consistent_directions(
 
 
 def movable(equations: Equations, stops: Sequence[str]) -> tuple[str, ...]:
-    """Those of some stops whose gaps can change, because the loops alone do not fix them."""
+    """Select the stops whose gaps can change, because the loops alone do not fix them."""
     loops = equations.rank_at_start(())
     return tuple(name for name in stops if equations.rank_at_start((name,)) > loops)
 

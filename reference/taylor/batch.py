@@ -258,7 +258,7 @@ class _Lanes:
         self.velocity = np.full((n, 2), np.nan)
 
     def run(self) -> BatchLaunches:
-        """Until every machine has launched, or not within the duration."""
+        """Run until every machine has launched, or to the end of the duration."""
         machines, guard = self.machines, self.machines.guard
         outcomes = heyoka().taylor_outcome
         for i in np.flatnonzero(machines.alone).tolist():
@@ -375,7 +375,7 @@ class _RankGuard:
         """Whether each machine starts there, shape (n,)."""
 
     def after_step(self, integrator: Any, machines: Any) -> BoolArray:
-        """Whether each lane came near a singular position in the integrator's last step, (lanes,).
+        """Tell whether each lane came near a singular position in the last step, (lanes,).
 
         `machines` are the indices of the lanes' machines.
         """

@@ -338,7 +338,7 @@ class TaylorSystem:
 
     @cached_property
     def _places(self) -> list[int]:
-        """Where in its section each constraint stands that is not one of angles, loops first."""
+        """Index in its section of each constraint that is not one of angles, loops first."""
         places: list[int] = []
         lines = 0
         for rows in (self.structure.loop_rows, self.structure.gap_rows):

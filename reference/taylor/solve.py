@@ -116,7 +116,7 @@ class TaylorQuantities:
 def taylor_quantities(
     problem: Problem, precision: Precision = "extended", tolerance: float | None = None
 ) -> TaylorQuantities:
-    """From the start to the launch, both releases and the launch located on the Taylor polynomials.
+    """Solve from the start to the launch; events are located on the Taylor polynomials.
 
     Args:
         problem: its duration bounds the search for the launch; where there is none, the motion runs

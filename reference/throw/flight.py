@@ -46,7 +46,7 @@ class Air(Spec):
 
     @classmethod
     def around(cls, density: float, drag_coefficient: float, area: float) -> Self:
-        """From the drag coefficient [1] and the cross-section [m^2] apart."""
+        """Make it from the drag coefficient [1] and the cross-section [m^2] apart."""
         if drag_coefficient < 0 or area < 0:
             raise InputError(
                 f"drag_coefficient = {drag_coefficient!r} and area = {area!r} must not be negative."
@@ -304,7 +304,7 @@ class Projectile:
 
     @property
     def opened(self) -> float:
-        """When the last stop of its own body opened [s]; 0 where none did."""
+        """Time when the last stop of its own body opened [s]; 0 where none did."""
         stops = [stop.name for stop in self.mechanism.stops if stop.body == self.body.name]
         return max((self.solution.release_times[name] or 0.0 for name in stops), default=0.0)
 

@@ -193,7 +193,7 @@ def origin(mechanism: Mechanism) -> AnyJoint:
 
 
 def _fulcrum(solution: Solution) -> tuple[float, float]:
-    """Where the machine's :func:`origin` stands at the start [m]."""
+    """Place where the machine's :func:`origin` stands at the start [m]."""
     joint, kinematics = origin(solution.problem.mechanism), solution.equations.kinematics
     row = kinematics.point(joint.child, joint.child_point)
     x, y = kinematics.position(row, np.array(solution.problem.mechanism.start))
@@ -375,7 +375,7 @@ class Sensitivity(Spec):
 
 
 class Throw(Reported, Spec):
-    """Everything about one throw, in SI units and radians."""
+    """Results of one throw, in SI units and radians."""
 
     format: Literal["trebucheck-throw-1"] = FORMAT
     mechanism: Mechanism
@@ -408,7 +408,7 @@ class Throw(Reported, Spec):
         )
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Without the motion, whose parts are functions."""
+        """Copy all but the motion, whose parts are functions."""
         state = super().__getstate__()
         fields = {k: v for k, v in state["__dict__"].items() if k != "performance"}
         return {**state, "__dict__": fields}

@@ -110,7 +110,7 @@ class RunLook:
 
 @dataclass(frozen=True)
 class RunMotion:
-    """How a run deviates from the reference, by frame; NaN after its end."""
+    """Deviation of a run from the reference, by frame; NaN after its end."""
 
     name: str
     colour: str

@@ -246,7 +246,7 @@ class Sketch:
         return self.kinematics.component(direction, of, vector).value(self.q)
 
     def hinge(self, body: str, other: str) -> complex:
-        """Where a body turns against another one, in its frame: their joint, or else its own."""
+        """Find where a body turns against another, in its frame: their joint, or else its own."""
         joints = self.mechanism.joints
         common = [joint for joint in joints if {joint.parent, joint.child} == {body, other}]
         joint = (*common, self.mechanism.joint_of(body))[0]
@@ -488,7 +488,7 @@ def _add_torsion_spring(
 def _directions(
     sketch: Sketch, element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque
 ) -> tuple[int, int, int]:
-    """Where two bodies turn against each other, and a point beyond it along each frame's x axis."""
+    """Find where two bodies turn against each other, and a point along each frame's x axis."""
     pivot = sketch.hinge(element.body, element.relative_to)
     along_other = sketch.point(element.body, pivot, element.relative_to, sketch.size)
     along_body = sketch.point(element.body, pivot, element.body, sketch.size)

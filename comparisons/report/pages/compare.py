@@ -271,7 +271,7 @@ def _trajectories(comparison: Comparison, machine: Machine) -> dict[str, Traject
 
 
 def _scenes(comparison: Comparison) -> tuple[Scene, ...]:
-    """Every machine in motion, all its runs over the reference."""
+    """Machines in motion, all runs of each over the reference."""
     scenes: list[Scene] = []
     for machine in comparison.results.machines:
         states = comparison.solutions[machine.model].trajectory
@@ -464,7 +464,7 @@ class ErrorColumn:
         return replace(column, of=self.cell)
 
     def metrics(self, run: Run) -> list[Metric]:
-        """Those it stands for."""
+        """Metrics that it stands for."""
         observed = [m for m in run.metrics if m.observed and self.subject in (None, m.subject)]
         named = [m for m in observed if m.name == self.metric]
         return named or [m for m in observed if m.name == self.otherwise]
@@ -556,7 +556,7 @@ def differences(machine: Machine) -> tuple[doc.Column, ...]:
 
 
 def _overview(results: Results) -> doc.Table:
-    """Every run of every machine against every quantity; numbers lead to the plots with them."""
+    """Table of all runs against all quantities; numbers lead to the plots with them."""
     shown = [each for each in OVERVIEW if any(each.metrics(run) for run in results.runs)]
     named = {quantity.judged or quantity.metric for quantity in shown}
     columns = (quantity.column for quantity in shown)

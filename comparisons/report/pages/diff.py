@@ -37,7 +37,7 @@ _HOW = (
 
 
 def document(difference: Difference) -> doc.Document:
-    """All of it; a terminal has the tables in short, and the summary at their end."""
+    """Report of a difference; a terminal has the tables in short, and the summary at their end."""
     summary, factor = difference.summary, difference.factor
     first_verdict, last_verdict = verdict_blocks(summary, doc.mark_of(difference.passed))
     broken = {(change.model, change.run) for change in difference.broken}
@@ -240,7 +240,7 @@ def _factor(change: QuantityChange) -> str:
 
 
 def _tolerances(change: QuantityChange) -> tuple[float | None, float | None]:
-    """Those of the old and the new run; None where a metric or its tolerance is missing."""
+    """Tolerances of the old and the new run; None where a metric or its tolerance is missing."""
     old, new = (metric.tolerance if metric else None for metric in (change.old, change.new))
     return old, new
 

@@ -206,7 +206,7 @@ def _bars(quantities: Sequence[QuantityBudget]) -> Panels:
 
 
 def _measurements(budget: Budget, quantities: Sequence[QuantityBudget]) -> doc.Table:
-    """What was done about each cause, and the shares; roundoff, which has none, comes last."""
+    """Tell what was done about each cause, and its share; roundoff, which has none, comes last."""
     heads = [*doc.columns("cause | what was done")]
     for quantity in quantities:
         group = f"{quantity.name} [{quantity.unit}]"

@@ -97,7 +97,7 @@ _DEGREES = (*map(str, Own), _UNSTATED)
 
 
 def _own(matrix: Matrix, run: MatrixRun) -> str:
-    """How much of a run is the engine's."""
+    """Share of a run that is the engine's."""
     if run.supplied is None:
         return _UNSTATED
     problem = next(problem for problem in matrix.problems if problem.name == run.problem)

@@ -84,7 +84,7 @@ def complaints(run: Run, most: int | None = None) -> list[str]:
 
 
 def diagnosis(run: Measured) -> list[str]:
-    """When and why a run differs from the reference, in sentences; none for a run that agrees."""
+    """Tell when and why a run differs from the reference; no sentence for a run that agrees."""
     diagnosed = run.diagnosis
     if diagnosed is None:
         return []
@@ -128,7 +128,7 @@ def cause_text(diagnosed: Diagnosis) -> str:
 
 
 def why(run: Measured) -> Iterator[doc.Text]:
-    """When and why a run differs from the reference, as paragraphs."""
+    """Tell when and why a run differs from the reference, in paragraphs."""
     for sentence in diagnosis(run):
         yield doc.Text(capital(sentence), lead="Why:")
 
@@ -139,7 +139,7 @@ def why(run: Measured) -> Iterator[doc.Text]:
 def compared_time(
     launch_time: float | None, compared_to: float | None, judged_to: float | None
 ) -> str:
-    """Until when motions are compared, and why not longer.
+    """Tell until when motions are compared, and why not longer.
 
     Args:
         launch_time: of the reference [s]; None if it does not launch by the end.
@@ -186,7 +186,7 @@ def _growth(factor: float | None) -> str:
 
 
 def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[doc.Text]:
-    """When each run leaves the reference, where they are compared beyond the horizon."""
+    """Tell when each run leaves the reference, where they are compared beyond the horizon."""
     if machine.judged_to >= machine.compared_to:
         return
     times: list[str] = []

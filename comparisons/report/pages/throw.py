@@ -28,7 +28,7 @@ _COLOURS = (_PROJECTILE, "#0072B2", _BEST, "#CC79A7", "#8C6BB1", "#56B4E9", "#E6
 
 
 def flight_plot(performance: Performance) -> Panels:
-    """From the release to the landing; beside it the best release, and what the air takes."""
+    """Plot the flight, that of the best release, and what the air takes."""
     surroundings, flown = performance.surroundings, performance.flight
     flights = [(flown, "flight", Style(_PROJECTILE, width=2.5))]
     if surroundings.drag > 0:

@@ -24,7 +24,7 @@ _ELBOW = (of("shoulder", a=1), of("elbow", b=1, a=-1))
 
 
 def range_of_angle(low: float, high: float) -> tuple[Stop, Stop]:
-    """Both ends of a range of the rod's angle [rad]."""
+    """Ends of a range of the rod's angle [rad]."""
     return (
         Stop(name="low", body="rod", sense=1, limit=low, closed=False),
         Stop(name="high", body="rod", sense=-1, limit=-high, closed=False),
@@ -32,7 +32,7 @@ def range_of_angle(low: float, high: float) -> tuple[Stop, Stop]:
 
 
 def range_of_slide(low: float, high: float) -> tuple[PointStop, PointStop]:
-    """Both ends of a range of the block's height [m]."""
+    """Ends of a range of the block's height [m]."""
     return (
         PointStop(name="low", body="block", point=(0, 0), normal=(0, 1), offset=low, closed=False),
         PointStop(

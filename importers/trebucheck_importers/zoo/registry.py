@@ -1,4 +1,4 @@
-"""All models of the zoo."""
+"""Models of the zoo."""
 
 from __future__ import annotations
 

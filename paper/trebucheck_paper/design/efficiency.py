@@ -110,7 +110,7 @@ class MachineEfficiency(Spec):
 
 
 class Machines(Spec):
-    """All of them, in the registry's order."""
+    """Rows in the registry's order."""
 
     machines: tuple[MachineEfficiency, ...]
     slings: tuple[Real, Real] = Field(description="sling lengths looked at, from and to [m]")
@@ -140,7 +140,7 @@ def kinetic_energy(mechanism: Mechanism, speed: float) -> float:
 
 
 def potential_energy(mechanism: Mechanism) -> float:
-    """At the start [J]."""
+    """Value at the start [J]."""
     return float(Kinematics(mechanism).potential_energy(np.array(mechanism.start)))
 
 
@@ -318,7 +318,7 @@ def _best(name: str, grid: dict[str, FloatArray], lowest: dict[float, float]) ->
 
 
 def _machine(name: str, point: dict[str, float]) -> Mechanism:
-    """At the given machine's length of arm."""
+    """Value at the given machine's length of arm."""
     kind = parameters_type(name)
     beam = kind.model_fields["l1"].default + kind.model_fields["l2"].default
     return model(name, kind(**point, l2=beam - point["l1"]))

@@ -251,12 +251,12 @@ class _Scanned:
 
     @property
     def launch(self) -> float | None:
-        """When the velocity comes down to 45 degrees [s]."""
+        """Time when the velocity comes down to 45 degrees [s]."""
         i = launch_interval(self.states[1])
         return None if i is None else self._zero(lambda _, v, __: lead(v), i, i + 1)
 
     def largest(self, value: Along, rate: Along) -> float | None:
-        """When a quantity is largest [s]: the zero of its rate; None at an end of the sweep."""
+        """Time when a quantity is largest [s], at the zero of its rate; None at an end."""
         i = int(np.nanargmax(value(*self.states)))
         return None if i in (0, len(self.times) - 1) else self._zero(rate, i - 1, i + 1)
 
@@ -272,7 +272,7 @@ class _Scanned:
 
 
 def _scanned(mechanism: Mechanism, solver: Solver) -> _Scanned | None:
-    """From the opening of the sling's rest to the velocity's first pointing straight down.
+    """Interval from the opening of the sling's rest to the velocity's first pointing straight down.
 
     A short sling may whirl the projectile over without its ever pointing down: then to the end of
     the shortest motion in which it is launched.

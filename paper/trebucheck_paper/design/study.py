@@ -212,7 +212,7 @@ _STEP = 1e-4  # [s] for derivatives in time of what changes over hundredths of a
 def confirmed(
     engines: Sequence[str], swing: FirstForwardSwing, worker: Worker | None
 ) -> dict[str, tuple[EngineValue, ...]]:
-    """Every engine's values of :data:`QUANTITIES`, in SI units and radians, with their tolerances.
+    """Values of :data:`QUANTITIES` of each engine, in SI units and radians, with their tolerances.
 
     Args:
         engines: names; one that fails or is absent has a note instead of a value.

@@ -90,7 +90,7 @@ class WorldOnGrid(Spec):
 
 
 class GridReading(Spec):
-    """All worlds against grids of one step."""
+    """Worlds against grids of one step."""
 
     step: Positive = Field(description="[s]")
     root_mean_square: NonNegative = Field(description="of the nearest points' misses [rad]")
@@ -299,7 +299,7 @@ def on_grid(
     step: float,
     reading: AngleReading,
 ) -> GridReading:
-    """Every world against the grid n * step [s]."""
+    """Hold every world against the grid n * step [s]."""
     rows = list(zip(throwings, printed, strict=True))
     worlds = [_OnGrid(throwing, row, step, reading).world() for throwing, row in rows]
     agreeing = [each for each in worlds if each.nearest.agrees]

@@ -51,7 +51,7 @@ _BEYOND = math.radians(5.0)  # a curve goes this far below the lowest printed an
 
 
 class GravityReading(StrEnum):
-    """Where the planet's own g is taken."""
+    """Place where the planet's own g is taken."""
 
     THROW_AND_FLIGHT = "in the throw and the flight"
     FLIGHT_ONLY = "in the flight only"

@@ -108,7 +108,7 @@ class EngineValue(Spec):
     note: str | None = None
 
     def agrees(self, ours: Quantity | None) -> bool | None:
-        """Whether it agrees with ours, within tolerance and uncertainty; None if not judged."""
+        """Tell whether it agrees with ours in tolerance and uncertainty; None if not judged."""
         if ours is None or self.value is None or self.tolerance is None:
             return None
         return abs(self.value - ours.value) <= self.tolerance + (ours.uncertainty or 0.0)
@@ -164,7 +164,7 @@ class Series(Spec):
 
 
 class Study(Reported, Spec):
-    """All of it."""
+    """Results of all studies."""
 
     format: str = FORMAT
     made: str = Field(description="date and time, ISO 8601")

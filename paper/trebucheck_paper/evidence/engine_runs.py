@@ -62,7 +62,7 @@ class SampledMotion:
 
     @property
     def release_times(self) -> Mapping[str, float | None]:
-        """When each stop opened [s]."""
+        """Times when the stops opened [s]."""
         return self.trajectory.release_times
 
     @property
@@ -179,7 +179,7 @@ def _shortest(mechanism: Mechanism) -> float:
 def _direct(
     engine: Engine, mechanism: Mechanism, quantity: ThrowQuantity, ours: Readings
 ) -> float | None:
-    """From a tolerance of just this quantity."""
+    """Take it from a tolerance of just this quantity."""
     tolerance = None if quantity.metric is None else _applied(engine, quantity.metric, mechanism)
     if tolerance is None:
         return None

@@ -114,7 +114,7 @@ def certified(key: Key) -> ThrowQuantity:
 
 
 def release_time(stop: str) -> ThrowQuantity:
-    """When a stop opens."""
+    """Time when a stop opens."""
     return certified(Key("release_time", stop, "", "s"))
 
 
@@ -202,7 +202,7 @@ _Values = Iterator[tuple[ThrowQuantity, float]]
 
 
 def read(motion: Motion, trajectory: Trajectory) -> Readings:
-    """Every quantity the motion has.
+    """Quantities that the motion has.
 
     Args:
         motion: the continuous motion.
@@ -282,7 +282,7 @@ def _of_the_counterweight(motion: Motion, trajectory: Trajectory, readings: Read
 
 
 def _turn(motion: Motion, start: float, end: float) -> float:
-    """When the counterweight turns back [s]."""
+    """Time when the counterweight turns back [s]."""
 
     def sideways(t: float) -> float:
         return float(motion.marker(COUNTERWEIGHT, t)[1][0])
@@ -316,7 +316,7 @@ def _of_the_best_release(motion: Motion, trajectory: Trajectory, readings: Readi
 
 
 def _of_the_arm(motion: Motion, trajectory: Trajectory, readings: Readings) -> _Values:
-    """When the arm comes to where its stop is: the paper's third constraint."""
+    """Time when the arm comes to where its stop is: the paper's third constraint."""
     if motion.launch is None or ARM_STOP not in {stop.name for stop in trajectory.mechanism.stops}:
         return
     kinematics, start = Kinematics(trajectory.mechanism), motion.launch.time

@@ -226,7 +226,7 @@ Rule = Callable[[Quantity, str], Judgement]
 
 @dataclass(frozen=True)
 class Evidence:
-    """Everything that was computed."""
+    """Results that were computed."""
 
     parameters: TrebuchetParameters
     throws: Mapping[str, MachineThrow]

@@ -120,7 +120,7 @@ def _covariance(slopes: FloatArray, free: Sequence[str]) -> FloatArray:
 
 
 def quantities_at(headlines: Headlines, angles: Start) -> tuple[QuantityAt, ...]:
-    """Every printed number at a start."""
+    """Printed numbers at a start."""
     misses = headlines.misses(angles)
     return tuple(
         QuantityAt(name=f.name, computed=float(f.value + m * f.half), miss=float(m))

@@ -78,7 +78,7 @@ class QuantityAt(Spec):
 
 
 class Sensitivity(Spec):
-    """How a number moves with the start angles."""
+    """Derivatives of a number with respect to the start angles."""
 
     name: str
     per_radian: Angles = Field(description="[its unit per rad]")
@@ -88,7 +88,7 @@ class Sensitivity(Spec):
 
 
 class Extent(Spec):
-    """How far the compatible set reaches along one angle."""
+    """Extent of the compatible set along one angle."""
 
     angle: str
     low: Real
@@ -152,7 +152,7 @@ class Left(Spec):
 
 
 class Round(Spec):
-    """How many start angles on a round grid are compatible with every printed number."""
+    """Count the start angles on a round grid that are compatible with every printed number."""
 
     divisions: int = Field(description="n of the grid of multiples of pi / n")
     compatible: tuple[Angles, ...]
@@ -356,7 +356,7 @@ class Headlines:
 def computed(
     parameters: TrebuchetParameters, angles: Start, release_time: float
 ) -> dict[str, float]:
-    """Every number of :data:`PRINTED` at a start, in its printed unit.
+    """Numbers of :data:`PRINTED` at a start, in their printed units.
 
     Raises:
         InputError: a machine does not launch within about twice the printed release time.

@@ -422,7 +422,7 @@ def _findings(
 
 
 def _bearing(left: Sequence[Left]) -> Iterator[str]:
-    """Which figures the set's ends hang on."""
+    """Figures that the set's ends hang on."""
     growths = {each.name: max(math.inf if g is None else g for g in each.growth) for each in left}
     bearing = sorted(
         (name for name, growth in growths.items() if growth >= _GROWS),

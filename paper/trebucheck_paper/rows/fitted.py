@@ -34,7 +34,7 @@ _CLOSE = 5.0  # [deg]: 'close to 45' is taken as within five
 
 
 def start_rows(identification: Identification) -> Iterator[Row]:
-    """On the start angles, which the paper does not print."""
+    """Rows on the start angles, which the paper does not print."""
     fit = identification.fit
     miss = f"the best of all starts still misses one by {fit.least_worst:.3g} half digits"
     yield Row(
@@ -64,7 +64,7 @@ def start_rows(identification: Identification) -> Iterator[Row]:
 
 
 def drag_rows(study: DragStudy, evidence: Evidence) -> Iterator[Row]:
-    """On drag: Table II and the end of Sec. IV."""
+    """Rows on drag: Table II and the end of Sec. IV."""
     plain = _reading(study)
     for fit in plain.worlds:
         yield _world(study, plain, fit)

@@ -59,7 +59,7 @@ Energies = Callable[[TrebuchetParameters, FloatArray, FloatArray], tuple[float, 
 
 
 def rows(evidence: Evidence) -> Iterator[Row]:
-    """All of them."""
+    """Rows of this section."""
     p = evidence.parameters
     yield from _lengths(p)
     yield from _start(p)
@@ -162,7 +162,7 @@ def _upright(p: TrebuchetParameters) -> Row:
 
 
 def _at_start(mechanism: Mechanism, name: str) -> tuple[float, float]:
-    """Where a marker is at the start [m]."""
+    """Position of a marker at the start [m]."""
     marker = next(each for each in mechanism.markers if each.name == name)
     kinematics = Kinematics(mechanism)
     x, y = kinematics.position(

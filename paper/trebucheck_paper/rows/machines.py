@@ -34,7 +34,7 @@ _LARGEST = "coinciding gives the largest range"
 
 
 def efficiency_rows(machines: Machines) -> Iterator[Row]:
-    """On which machine beats which."""
+    """Rows on which machine beats which."""
     rolling, fixed, floating, catapult = map(
         machines.named, ("rolling", "fixed", "floating-arm", "catapult")
     )

@@ -37,7 +37,7 @@ from .throw import UNRESOLVED, negated, unresolved_range
 
 
 def rows(evidence: Evidence) -> Iterator[Row]:
-    """All of them."""
+    """Rows of this section."""
     yield from _ratios()
     yield from _why_better()
     yield from _paths(evidence)

@@ -44,7 +44,7 @@ _BEST_RATIO, _BACKWARD = "best lever ratio", "falls backward below l1 = 9.9"
 
 
 def rows(sweep: Sweep, evidence: Evidence) -> Iterator[Row]:
-    """All of them."""
+    """Rows of this section."""
     rising = _rising(sweep)
     yield from _peak(sweep, rising)
     yield from _ratios(sweep, evidence, rising)
@@ -274,7 +274,7 @@ def _regime(sweep: Sweep) -> Row:
 
 
 def _beyond(sweep: Sweep) -> Iterator[Row]:
-    """At the first place beyond the change that engines ran at; else at the one a hair above it."""
+    """Value at the first place beyond the change that engines ran at, else just above it."""
     change, swing = sweep.regime.l1, sweep.regime.swing
     if change is None:
         return

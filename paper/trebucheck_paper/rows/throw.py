@@ -55,7 +55,7 @@ _roughly = partial(
 
 
 def rows(evidence: Evidence) -> Iterator[Row]:
-    """All of them."""
+    """Rows of this section."""
     for name, where in ((FIXED, "Sec. III"), (ROLLING, "Sec. VI")):
         yield _order(name, where)
     for name, where, printed in (

@@ -140,7 +140,7 @@ def release_once(mechanisms: Sequence[Mechanism]) -> tuple[FloatArray, FloatArra
 
 
 def pulls_at_start(rigid: RigidSwing) -> bool:
-    """Whether a rest that touches at the start would have to pull; only then the laws differ."""
+    """Tell whether a touching rest would have to pull at the start: then the laws differ."""
     return any(rigid.start_torque(stop.name) < 0 for stop in rigid.mechanism.stops if stop.closed)
 
 
@@ -197,7 +197,7 @@ class Searches:
     rigids: tuple[RigidSwing, ...]
 
     def search(self, guess: float, checked: Sequence[float]) -> RootSearch:
-        """From one guess [s] everywhere.
+        """Search from one guess [s] everywhere.
 
         Args:
             checked: l1 of positions whose success is reported one by one [m].
@@ -227,7 +227,7 @@ class Searches:
         return float(bisect(lambda guess: 1.0 if above(guess) > 0 else -1.0, low, high, xtol=1e-4))
 
     def _ends(self, guess: float) -> tuple[BoolArray, BoolArray]:
-        """Where the search ends on the first zero, and where on a later one."""
+        """Find where the search ends on the first zero, and where on a later one."""
         t, step = np.full(len(self.l1), guess), np.full(len(self.l1), np.inf)
         with np.errstate(all="ignore"):  # a search that diverges gives infinities and NaN
             for _ in range(_ITERATIONS):

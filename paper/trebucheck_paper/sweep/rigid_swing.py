@@ -174,7 +174,7 @@ class RigidSwing:
         return tuple(sorted([*first, *(self.period - t for t in first)]))
 
     def _time_of(self, angle: float) -> float:
-        """When it has first turned by an angle of the swing [s]: the inverse of :meth:`turned`."""
+        """Time when it has first turned by an angle [s]: the inverse of :meth:`turned`."""
         k = math.sin(self.amplitude / 2)
         from_lowest = self.amplitude - self.sense * angle
         # cd(u) = sin(psi / 2) / k, and cd(u) = sn(K - u).

@@ -52,7 +52,7 @@ _SAFETY = 4.0  # on the difference of two integrators, as where certificates are
 
 
 class Peak(Spec):
-    """Where the launch is fastest."""
+    """Place where the launch is fastest."""
 
     l1: Quantity
     speed: Quantity
@@ -123,7 +123,7 @@ class Neighbourhood(Spec):
 
 
 class Regime(Spec):
-    """Where the hanger's rest would begin to have to pull at the start."""
+    """Place where the hanger's rest would begin to have to pull at the start."""
 
     l1: Quantity | None = Field(
         description="zero of the hanger's torque at the start, in closed form [m]; None: none"
@@ -160,7 +160,7 @@ class Trend(Spec):
 
 
 class Sweep(Spec):
-    """All of it."""
+    """Results of all studies."""
 
     beam: Real = Field(description="l1 + l2 [m]")
     start: Real = Field(description="of l1 [m]")
@@ -263,7 +263,7 @@ class Beam:
     def position(
         self, l1: float, engines: Sequence[str] = (), worker: Worker | None = None
     ) -> Position:
-        """Everything that is said of one place."""
+        """Compute what is said of one place."""
         rigid = self.rigid(l1)
         solution = solve_to_launch(rigid.mechanism)
         launch = solution.launch
@@ -300,7 +300,7 @@ class Beam:
         )
 
     def backward(self, positions: Sequence[Position]) -> Backward:
-        """Where the machine would fall backward, and whether it does at the places looked at."""
+        """Find where the machine would fall backward, and whether it does at the places seen."""
         torque, _ = gravity_and_inertia(self.parameters, self.length)
         pivot = self.length - self.parameters.h * np.cos(self.parameters.alpha0) / np.cos(
             self.parameters.theta0
@@ -340,7 +340,7 @@ class Beam:
 
     @property
     def change(self) -> float | None:
-        """Where the hanger's torque at the start changes sign [m]."""
+        """Place where the hanger's torque at the start changes sign [m]."""
         zeros = zeros_within(
             hanger_torque_on_beam(self.parameters, self.length), self.start, self.end
         )
@@ -397,7 +397,7 @@ class Beam:
 
 
 def _stationary(fit: Chebyshev, domain: tuple[float, float]) -> float | None:
-    """Where an interpolant has its maximum inside its domain."""
+    """Find where an interpolant has its maximum inside its domain."""
     roots = fit.deriv().roots()
     inside = [
         float(r.real) for r in roots if abs(r.imag) < 1e-12 and domain[0] < r.real < domain[1]

@@ -22,7 +22,7 @@ _CLOCKWISE = np.array([0.0, 0.0, -1.0])
 
 @dataclass(frozen=True)
 class Place:
-    """Where a body's frame is."""
+    """Pose of a body's frame."""
 
     joint: int
     """Pinocchio's joint that carries the body."""

@@ -20,7 +20,7 @@ def releases(samples: NodeSamples, opening: float) -> dict[str, float | None]:
 
 
 def _release(samples: NodeSamples, stop: Stop, opening: float) -> float | None:
-    """When a gap opened: the torque has fallen through zero, so it grows by t^3."""
+    """Time when a gap opened: the torque has fallen through zero, so it grows by t^3."""
     gap, t = samples.gap(stop), samples.t
     if not np.any(gap > opening):
         return None

@@ -163,7 +163,7 @@ class HeldSteps(SteppedMotion[State]):
         return part, (*self.pulling(), min(forces, key=lambda name: forces[name]))
 
     def let_go(self, names: Contacts) -> None:
-        """Nothing: a contact is held in each call by its name."""
+        """Do nothing: a contact is held in each call by its name."""
 
     def hold(self, rest: Contacts, time: float) -> Contacts:
         """Hold those of the contacts at rest that push, and record the sample [s]."""

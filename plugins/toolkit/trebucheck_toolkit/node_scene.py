@@ -94,7 +94,7 @@ class NodeScene:
         ]
 
     def offset(self, body: str, point: Vector) -> FloatArray:
-        """From a body's centre of mass to a point of it, at the start; of the ground the point."""
+        """Vector from a body's centre of mass to a point at the start; of the ground the point."""
         centre = (0.0, 0.0) if body == GROUND else self.mechanism.body(body).centre
         return turned(self.angles[body], np.subtract(point, centre) * MIRROR)
 
