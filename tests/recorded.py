@@ -25,6 +25,7 @@ import pytest
 import recorded_engines
 import recorded_judging
 import recorded_models
+import recorded_reference
 import trebucheck as tb
 import wrong_engines
 from mechanisms import (
@@ -382,6 +383,7 @@ CASES: dict[str, Callable[[], Any]] = {
     "conformance-full": lambda: conformance("dummy_engines:Full", "bead", "catapult"),
     **recorded_judging.CASES,
     **recorded_models.CASES,
+    **recorded_reference.CASES,
 }
 
 
