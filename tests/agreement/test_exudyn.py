@@ -320,3 +320,11 @@ def test_the_class_does_not_load_exudyn() -> None:
     subprocess.run(
         [sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/"
     )
+
+
+@pytest.mark.parametrize("end", [1e-3, 0.5, 1.0, 8.0])
+def test_the_end_of_a_run_is_met_to_a_billionth_of_its_time_or_of_a_second(end: float) -> None:
+    from trebucheck.engines.exudyn.solver import is_at
+
+    for one in (-1e-9 * max(1.0, end), 1e-9 * max(1.0, end)):
+        assert is_at(end + 0.9 * one, end) and not is_at(end + 1.1 * one, end)

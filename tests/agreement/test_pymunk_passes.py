@@ -92,6 +92,18 @@ def test_a_mode_grows_if_passes_leave_more_than_a_half_of_it() -> None:
     assert math.log(growth(1.0 - g)) == pytest.approx(g ** (1 / 3) / 2, rel=0.01)
 
 
+@pytest.mark.parametrize("left", [1e-3, 0.2, 0.5, 0.9, 1.0 - 1e-6, 1.0, 1.0 + 1e-15])
+def test_a_mode_grows_as_the_recurrence_of_position_speed_and_impulse_does(left: float) -> None:
+    """The impulses of a step change by the share 1 - left of what they should."""
+    step = np.zeros((3, 3))
+    for k, (x, y, z) in enumerate(np.eye(3)):
+        gap = x + y
+        push = left * z - (1.0 - left) * (gap + y)
+        step[:, k] = gap, y + push, push
+    roots = np.abs(np.linalg.eigvals(step))
+    assert growth(left) == pytest.approx(roots.max(), abs=1e-4)  # of a triple root at 1
+
+
 def test_a_slow_mode_that_nothing_excites_does_not_grow() -> None:
     """200 passes leave 0.98 of it.
 
