@@ -138,6 +138,22 @@ def test_a_mode_that_grows_all_the_same_is_refused() -> None:
         tb.engine("pymunk", timestep=1e-3).simulate(Problem(turntable(0.001), 0.5))
 
 
+def test_the_slowest_bodies_are_those_that_what_is_left_moves_most() -> None:
+    """A swing beside the turntable is none of them, however heavy it is."""
+    table = turntable(0.01)
+    swing = Body(name="swing", angle="swing", mass=50.0, centre=(0.3, 0.1), inertia=9.0)
+    both = table.model_copy(
+        update={
+            "bodies": (*table.bodies[:1], swing, *table.bodies[1:]),
+            "joints": (table.joints[0], pin("hinge", GROUND, "swing"), *table.joints[1:]),
+            "start": (0.0, 0.0, 0.0),
+            "start_speeds": (SPEED, 0.0, 0.0),
+        }
+    )
+    found = convergence(build(both, (), 0.0, 1e4))
+    assert found.slowest(200) == ("table", "sledge")
+
+
 def test_impulses_that_have_converged_are_settled() -> None:
     """In more passes than these need, roundings of what no constraint holds add up.
 

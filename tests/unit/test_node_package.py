@@ -14,8 +14,6 @@ import pytest
 from trebucheck.engines.node_package import SCENE, NodePackage
 from trebucheck.models.errors import SimulationError
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="its programs are scripts of a shell")
-
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> NodePackage:
