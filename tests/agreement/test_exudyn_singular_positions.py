@@ -147,3 +147,20 @@ def test_a_position_is_singular_if_a_tenth_of_the_least_value_is_left_there(
 
 def test_what_hardly_changes_is_looked_at_every_32_steps() -> None:
     assert list(looks([1.0] * 100)) == [1, 33, 65, 97]
+
+
+@pytest.mark.parametrize(
+    ("values", "ahead"),
+    [
+        ([9.0, 12.0, 10.0], 5.0),
+        ([10.0, 10.0], math.inf),
+        ([9.0, 10.0], math.inf),
+        ([9.0], math.inf),
+    ],
+)
+def test_steps_to_a_singular_position_follow_from_the_last_two(
+    values: list[float], ahead: float
+) -> None:
+    conditioning = Conditioning(_Passing(0.0))
+    conditioning.begin(np.array([20.0]))
+    assert conditioning.steps_ahead(np.array(values)[:, None]) == pytest.approx(ahead)
