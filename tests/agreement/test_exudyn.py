@@ -21,9 +21,7 @@ from mechanisms import (
     rods_on_a_slot,
     table_one_motion,
 )
-from trebucheck.engines.exudyn.build import build
 from trebucheck.engines.exudyn.engine import ExudynEngine
-from trebucheck.engines.exudyn.solver import Solver, is_at
 from trebucheck.models.elements import Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
 from trebucheck.models.library.trebuchet import (
@@ -39,6 +37,9 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("exudyn")
+
+from trebucheck.engines.exudyn.build import build
+from trebucheck.engines.exudyn.solver import Solver, is_at
 
 ONE = Stop(name="one", body="upper", sense=-1, limit=-0.5, closed=True)
 TWO = Stop(name="two", body="lower", relative_to="upper", sense=1, limit=-0.3, closed=True)

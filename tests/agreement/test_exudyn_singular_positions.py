@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 from mechanisms import pin, slider_crank
 from trebucheck.engines.exudyn.engine import ExudynEngine
-from trebucheck.engines.exudyn.solver import Conditioning, LoopConstraints
 from trebucheck.models.elements import GROUND, SlotJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("exudyn")
+
+from trebucheck.engines.exudyn.solver import Conditioning, LoopConstraints
 
 SPEED = 8.0  # [rad/s] of the crank at the start: it turns over and over
 

@@ -17,10 +17,7 @@ from mechanisms import (
     table_one_motion,
 )
 from scipy import stats
-from trebucheck.engines.exudyn.build import build
 from trebucheck.engines.exudyn.engine import ExudynEngine
-from trebucheck.engines.exudyn.motion import _springs  # pyright: ignore[reportPrivateUsage]
-from trebucheck.engines.exudyn.solver import Solver
 from trebucheck.models.errors import InputError
 from trebucheck.models.library.trebuchet import (
     HANGER_REST,
@@ -35,6 +32,10 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
 
 pytest.importorskip("exudyn")
+
+from trebucheck.engines.exudyn.build import build
+from trebucheck.engines.exudyn.motion import _springs  # pyright: ignore[reportPrivateUsage]
+from trebucheck.engines.exudyn.solver import Solver
 
 RESTS = (HANGER_REST, SLING_REST)
 STEP = 5e-4  # [s] second order leaves 0.1 mm: a tenth of what the stiffest springs of the law leave
