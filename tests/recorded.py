@@ -24,6 +24,8 @@ import numpy as np
 import pytest
 import recorded_engines
 import recorded_judging
+import recorded_models
+import recorded_reference
 import trebucheck as tb
 import wrong_engines
 from mechanisms import (
@@ -380,6 +382,8 @@ CASES: dict[str, Callable[[], Any]] = {
     "conformance-degrees": lambda: conformance("wrong_engines:Wrong_degrees", "incline"),
     "conformance-full": lambda: conformance("dummy_engines:Full", "bead", "catapult"),
     **recorded_judging.CASES,
+    **recorded_models.CASES,
+    **recorded_reference.CASES,
 }
 
 
