@@ -95,18 +95,18 @@ def _convention(frame: bool, sign: int, unit: float, zero: str, of: str) -> Mist
     return mistaken
 
 
+WORDS = (
+    "relative to the parent", "anticlockwise", "degrees", "relative to the start",
+    "from another zero",
+)  # fmt: skip
+
+
 def _conventions() -> Iterator[object]:
     for frame, sign, unit in product((False, True), (1, -1), (1.0, DEGREES)):
         for zero, of in (("", "qu"), ("start", "qu"), ("another", "qu"), ("", "q"), ("", "u")):
             if frame or (sign, unit) != (1, 1.0) or zero:
-                words = (
-                    "relative to the parent",
-                    "anticlockwise",
-                    "degrees",
-                    "relative to the start",
-                )
-                said = zip(words, (frame, sign < 0, unit > 1, zero == "start"), strict=True)
-                how = [word for word, is_so in said if is_so]
+                said = (frame, sign < 0, unit > 1, zero == "start", zero == "another")
+                how = [word for word, is_so in zip(WORDS, said, strict=True) if is_so]
                 yield pytest.param(_convention(frame, sign, unit, zero, of), how, of)
 
 
@@ -116,9 +116,7 @@ def test_a_convention_of_coordinates_is_read_back(
 ) -> None:
     recorded = mistake(_moved()[1])
     found = [r for r in _readings(recorded) if r.text is None and _same(r.wrong[0], recorded)]
-    words = ("relative to the parent", "anticlockwise", "degrees", "relative to the start")
-    named = [[word for word in words if word in reading.name] for reading in found]
-    assert how in named
+    assert how in [[word for word in WORDS if word in reading.name] for reading in found]
     if of != "qu":
         only = "not their speeds" if of == "q" else "speeds of the angles"
         assert any(only in reading.name for reading in found)
