@@ -365,11 +365,12 @@ def test_a_start_is_right_up_to_roundings_of_its_size(monkeypatch: pytest.Monkey
 
 
 def test_the_place_of_a_stop_is_read_off_in_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
-    gaps = {"hanger rest": -0.01, "sling rest": 0.9 * EXACT, "arm stop": 4.0}
-    assert _shown(monkeypatch, gaps=gaps) == [
-        ("place of the hanger rest", "-0.573 deg", 0.992),
-        ("place of the arm stop", "", 0.992),  # more than half a turn says nothing
-    ]
+    for sign, shown in ((-1, "-"), (1, "+")):
+        gaps = {"hanger rest": sign * 0.01, "sling rest": 0.9 * EXACT, "arm stop": sign * 4.0}
+        assert _shown(monkeypatch, gaps=gaps) == [
+            ("place of the hanger rest", f"{shown}0.573 deg", 0.992),
+            ("place of the arm stop", "", 0.992),  # more than half a turn says nothing
+        ]
 
 
 @pytest.mark.parametrize("torque", [{}, {"sling rest": 0.0}, {"sling rest": None}])
@@ -572,3 +573,37 @@ def test_a_size_is_corrected_as_far_as_it_makes_sense() -> None:
     )
     assert (share, told) == (pytest.approx(0.75), "4")
     assert not _read(4.0 * FORM, FORM, text=_told, at=lambda _: None)
+
+
+# faults without a size
+
+
+def _sizeless_share(*signatures: np.ndarray, fault: Any = None, solves: bool = True) -> RankedCause:
+    """A cause with the signatures of its motion as an engine with the fault and others read it."""
+    solved: list[Any] = []
+
+    def solve_it(wrong: Any, tolerance: float) -> Any:
+        solved.append(wrong)
+        assert tolerance == FINE
+        return SimpleNamespace(motion=lambda t: f"at {t}") if solves else None
+
+    case: Any = SimpleNamespace(
+        deviation=4.0 * FORM, t="t", rough_error=None, solved=solve_it,
+        seen=lambda _, motion: signatures if motion == "at t" else (),
+    )  # fmt: skip
+    case.estimated = lambda cause, share: Case.estimated(case, cause, share)
+    wrong: Any = fault or Fault("fault", "machine", (), "fault", lambda _: "equations")  # type: ignore[arg-type,return-value]
+    found = diagnosing._sizeless(case, wrong)
+    assert isinstance(found, RankedCause) and solved == [fault or "equations"]
+    return found
+
+
+def test_a_fault_without_a_size_explains_what_its_best_reading_does() -> None:
+    for signatures in ((3.0 * FORM, FORM), (FORM, 3.0 * FORM)):
+        found = _sizeless_share(*signatures)
+        assert (found.name, found.kind) == ("fault", "machine")
+        assert found.explained == pytest.approx(0.75)
+    law = _sizeless_share(FORM, FORM, fault=tb.StopLaw.UNILATERAL)
+    assert law.kind == "law" and tb.StopLaw.UNILATERAL.value in law.name
+    assert law.explained == pytest.approx(0.25)
+    assert _sizeless_share(solves=False).explained == 0.0

@@ -381,6 +381,13 @@ def test_only_a_force_is_told_in_steps() -> None:
             )
 
 
+def test_masses_are_scaled_to_no_less_than_nearly_nothing() -> None:
+    """Other quantities may have the wrong sign; there is no negative mass."""
+    least = {r.name: r.least for r in _readings() if r.least > -math.inf}
+    (smallest,) = least.values()
+    assert "masses" in next(iter(least)) and 0.0 < 1.0 + smallest < 1e-3
+
+
 # other times
 
 
