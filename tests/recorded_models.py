@@ -13,6 +13,7 @@ import math
 import xml.etree.ElementTree as ET
 from collections import defaultdict
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from mechanisms import (
 )
 from trebucheck.models.elements import GROUND, PointStop, SlotJoint
 from trebucheck.models.kinematics import initial_state
-from trebucheck.models.library.registry import benchmarks, models, parameters_type
+from trebucheck.models.library.registry import benchmark, benchmarks, models, parameters_type
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.mjcf.scene import Keyframe, RecordedMotion, scene, stored_motion
 from trebucheck.models.mjcf.variants import Variant, released, throw
@@ -90,6 +91,10 @@ WRITTEN: dict[str, Callable[[], Mechanism]] = {
     "loaded bob": recorded_engines.loaded_bob,
     "weld": lambda: recorded_engines.framed("weld"),
     "rail": lambda: recorded_engines.framed("rail"),
+    **{
+        name: partial(tb.model, name)
+        for name in ("motor", "thrown-plate", "incline", "quick-return", "trammel", "falling-rod")
+    },
 }
 
 
@@ -172,30 +177,42 @@ def thrown() -> list[Any]:
     return found
 
 
+BRANCHES: list[tuple[str, dict[str, float]]] = [
+    ("n-four-bar", {"speed": 1e-4}),
+    ("n-four-bar", {"N": 3, "speed": 5.0}),
+    ("slider-crank", {"rod": 1.3, "speed": 1.0}),
+    ("damped-oscillator", {"damping": 60.0}),
+    ("stopped-pendulum", {"opening": 0.2, "swing": 2.0, "restitution": 1.0}),
+    ("bouncing", {"restitution": 1.0}),
+    ("falling-rod", {"slope": 1.2, "restitution": 0.0}),
+    ("hanging-chain", {"N": 12}),
+    ("bead", {"turning": -9.0}),
+]
+"""Parameters with which a problem's motion or duration is of another kind."""
+
+
 def library() -> dict[str, Any]:
     """Machines and problems with parameters that are all different, and how strict figures are."""
     found: dict[str, Any] = {}
     for name in models():
         mechanism = tb.model(name, parameters=_others(parameters_type(name)))
         found[name] = json.loads(mechanism.to_json())
-    for entry in benchmarks():
-        parameters = _others(entry.parameters)
+    others = [(entry.name, _others(entry.parameters)) for entry in benchmarks()]
+    others += [(name, benchmark(name).parameters(**changes)) for name, changes in BRANCHES]
+    for k, (name, parameters) in enumerate(others):
         made = parameters.problem()
-        figures = [
-            [figure.value, math.log10(figure.tolerance)]
-            for each in (parameters, entry.parameters())
-            for figure in each.figures()
-        ]
+        figures = [[each.value, math.log10(each.tolerance)] for each in parameters.figures()]
         limits = [condition.limit for condition in parameters.conditions()]
-        found[entry.name] = [json.loads(made.mechanism.to_json()), made.duration, figures, limits]
+        numbers = json.loads(made.mechanism.to_json())
+        found[f"{name} {k}"] = [numbers, made.duration, figures, limits]
     return found
 
 
 def _others(parameters: Any) -> Any:
-    """Each parameter by another factor."""
+    """Each parameter by another factor, and none of them zero."""
     values = dict(parameters())
     other = {
-        name: value * (0.97 + 0.01 * k) if isinstance(value, float) else value
+        name: value * (0.97 + 0.01 * k) or 0.02 * (k + 1) if isinstance(value, float) else value
         for k, (name, value) in enumerate(values.items())
     }
     return parameters(**other)
