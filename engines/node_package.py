@@ -74,7 +74,7 @@ class NodePackage:
 
     def move(self, scene: Mapping[str, Any]) -> FloatArray:
         """Samples of a scene, shape (steps + 1, columns); SimulationError if the process fails."""
-        command, text = [shutil.which("node") or "node", "move.cjs", str(SCENE)], json.dumps(scene)
+        command, text = ["node", "move.cjs", str(SCENE)], json.dumps(scene)
         ended = subprocess.run(
             command, cwd=self.folder, input=text.encode(), capture_output=True, check=False
         )

@@ -287,7 +287,7 @@ class Equations:
 
     @cached_property
     def _loop_rank(self) -> int:
-        return _rank_near(self, np.array(self.mechanism.start), ()) if self.n_loops else 0
+        return _rank_near(self, np.array(self.mechanism.start), ())
 
     def _constrained(
         self, mass: FloatArray, jacobian: FloatArray, forces: FloatArray, right: FloatArray

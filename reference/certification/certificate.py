@@ -82,7 +82,7 @@ class Figure(Spec):
 
 
 class Certificate(Reported, Spec):
-    """Figures of one machine."""
+    """All figures of one machine."""
 
     format: Literal["trebucheck-certificate-1"] = FORMAT
     model: str

@@ -17,6 +17,7 @@ from mechanisms import (
     four_bar,
     hanging_bob,
     position_error,
+    rod_pendulum,
     rods_on_a_slot,
     table_one_motion,
 )
@@ -36,6 +37,9 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("exudyn")
+
+from trebucheck.engines.exudyn.build import build
+from trebucheck.engines.exudyn.solver import Solver, is_at
 
 ONE = Stop(name="one", body="upper", sense=-1, limit=-0.5, closed=True)
 TWO = Stop(name="two", body="lower", relative_to="upper", sense=1, limit=-0.3, closed=True)
@@ -320,3 +324,23 @@ def test_the_class_does_not_load_exudyn() -> None:
     subprocess.run(
         [sys.executable, "-c", f"{code}; assert 'exudyn' not in sys.modules"], check=True, cwd="/"
     )
+
+
+@pytest.mark.parametrize("end", [1e-3, 0.5, 1.0, 8.0])
+def test_the_end_of_a_run_is_met_to_a_billionth_of_its_time_or_of_a_second(end: float) -> None:
+    for one in (-1e-9 * max(1.0, end), 1e-9 * max(1.0, end)):
+        assert is_at(end + 0.9 * one, end) and not is_at(end + 1.1 * one, end)
+
+
+def test_a_step_without_iterations_is_of_second_order() -> None:
+    """Its error is of third order in its length, in angles and speeds."""
+    mechanism = rod_pendulum(start=0.3).model_copy(update={"start_speeds": (1.5,)})
+    exact, errors = solve(Problem(mechanism, 0.1)), list[np.ndarray]()
+    for step in (0.08, 0.04):
+        solver = Solver(build(mechanism), ExudynEngine())
+        first, last = solver._explicit_step(solver.start(), (), step)  # pyright: ignore[reportPrivateUsage]
+        assert solver.steps == 1 and (first[0], last[0]) == (0.0, step)
+        right = exact.trajectory(np.array([0.0, step]))
+        assert np.ravel(solver.coordinates(first)) == pytest.approx([0.3, 1.5], abs=1e-12)
+        errors.append(np.ravel(solver.coordinates(last)) - [right.q[1, 0], right.u[1, 0]])
+    assert np.abs(errors[0] / errors[1]) == pytest.approx(8.0, rel=0.15)

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanisms import TABLE_ONE
+from mechanisms import TABLE_ONE, rod_pendulum
 from trebucheck.comparisons.diagnosis.equivalence import random_states
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.elements import SlotJoint, Stop
+from trebucheck.models.elements import PointStop, SlotJoint, Stop
 from trebucheck.models.errors import InputError
 from trebucheck.models.library.trebuchet import HANGER_REST, SLING_REST, fixed
 from trebucheck.models.mechanism import Body, Mechanism
@@ -92,6 +92,28 @@ def test_springs_and_constraints_are_the_same_machine(
         max(abs(gap) for dynamics in found.dynamics for gap in dynamics.stop_gaps.values()) <= EXACT
     )
     assert any(state.closed for state in states)
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e9])
+def test_the_gap_of_a_closed_stop_that_is_open_or_penetrates_is_shown(
+    stiffness: float | None,
+) -> None:
+    """As the connector measures it: a floor that leans supports a point beside the rod."""
+    lean, point = (0.6, 0.8), (1.3, 0.2)
+    stops = (
+        Stop(name="angle", body="rod", sense=-1, limit=0.0, closed=True),
+        PointStop(
+            name="floor", body="rod", point=point, normal=lean, offset=float(np.dot(lean, point)),
+            closed=True,
+        ),
+    )  # fmt: skip
+    mechanism = rod_pendulum().model_copy(update={"stops": stops})
+    for angle in (0.2, -0.1):
+        state, gap = State(np.array([angle]), np.zeros(1), ("angle", "floor")), -angle
+        (shown,) = ExudynEngine(stop_stiffness=stiffness).inspect(mechanism, (state,)).dynamics
+        place = complex(*point) * np.exp(-1j * angle)
+        above = (place * complex(*lean).conjugate()).real - np.dot(lean, point)
+        assert shown.stop_gaps == pytest.approx({"angle": gap, "floor": above}, abs=1e-12)
 
 
 def test_accelerations_are_right_at_any_speed() -> None:

@@ -7,7 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanisms import TABLE_ONE, position_error, table_one_motion
+from mechanisms import (
+    TABLE_ONE,
+    G,
+    angle_stop,
+    floor,
+    position_error,
+    rod_pendulum,
+    table_one_motion,
+)
 from scipy import stats
 from trebucheck.engines.exudyn.engine import ExudynEngine
 from trebucheck.models.errors import InputError
@@ -24,6 +32,10 @@ from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve, solve_to_launch
 
 pytest.importorskip("exudyn")
+
+from trebucheck.engines.exudyn.build import build
+from trebucheck.engines.exudyn.motion import _springs  # pyright: ignore[reportPrivateUsage]
+from trebucheck.engines.exudyn.solver import Solver
 
 RESTS = (HANGER_REST, SLING_REST)
 STEP = 5e-4  # [s] second order leaves 0.1 mm: a tenth of what the stiffest springs of the law leave
@@ -112,6 +124,23 @@ def test_undamped_springs_ring_and_let_go_at_the_wrong_time() -> None:
     assert off[0] > 3 * off[1]
 
 
+@pytest.mark.parametrize("on", ["angle", "point"])
+def test_a_spring_is_preloaded_by_its_load_and_damped_by_the_inertia_it_stops(on: str) -> None:
+    """A rod that lies on its stop turns about its pin with the inertia 2.5 kg m^2."""
+    arm = 1.6  # [m] of the point that the floor supports
+    stop = angle_stop(0.0) if on == "angle" else floor(0.0, point=(arm, 0.0))
+    stop = stop.model_copy(update={"body": "rod", "closed": True})
+    mechanism = rod_pendulum().model_copy(update={"stops": (stop,)})
+    stiffness, ratio = 4e5, 0.3
+    solver = Solver(build(mechanism), ExudynEngine(stop_damping_ratio=ratio))
+    spring = _springs(solver, solver.start(), (stop.name,), stiffness)[stop.name]
+    lever = 1.0 if on == "angle" else arm
+    assert spring.stiffness == stiffness
+    assert spring.torque == pytest.approx(2.0 * G * 1.0 / lever, rel=1e-9)
+    inertia = 2.5 / lever**2
+    assert spring.damping == pytest.approx(2 * ratio * (stiffness * inertia) ** 0.5, rel=1e-9)
+
+
 def test_a_spring_that_would_have_to_pull_is_gone_at_the_start() -> None:
     # Beyond l1 = 12.7255 m the hanger's rest would have to pull (PHYSICS.md); the sling's then
     # pushes by itself.
@@ -149,10 +178,12 @@ def test_a_wrong_option_is_named(option: str, value: float) -> None:
 
 
 def test_a_stiffness_beyond_rounding_is_refused() -> None:
+    """Roundings of an angle, 1e-15 rad, may be 1e-4 of the largest torque."""
+    start = table_one_motion("fixed").trajectory(np.zeros(1))
+    largest = max(start.stop_torque(rest)[0] for rest in RESTS)
     message = (
-        r"^stop_stiffness = 1e\+20 N m/rad would turn the rounding .* of 7\.96e\+04 N m in "
-        r"the "
-        r"stops; at most .*\.$"
+        "^stop_stiffness = 1e+20 N m/rad would turn the rounding of angles into a torque of "
+        f"1e+05 N m, of {largest:.3g} N m in the stops; at most {largest * 1e11:.2g} is resolved"
     )
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=message.replace("e+", r"e\+")):
         ExudynEngine(stop_stiffness=1e20).simulate(Problem(fixed(), 0.5))

@@ -17,6 +17,7 @@ from mechanisms import (
     TABLE_ONE,
     chain,
     chain_on_a_slot,
+    four_bar,
     position_error,
     rod_pendulum,
     table_one_motion,
@@ -42,6 +43,17 @@ from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 
 mujoco: Any = pytest.importorskip("mujoco")
+
+from trebucheck.engines.mujoco.build import (  # noqa: E402
+    _rigid_forces,  # pyright: ignore[reportPrivateUsage]
+    correction_of,
+    load,
+    preload,
+    start_data,
+    stop_constraints,
+)
+from trebucheck.engines.mujoco.compat import constraint_jacobian, mass_matrix  # noqa: E402
+from trebucheck.engines.mujoco.reference_acceleration import ReferenceAccelerationCorrection  # noqa: E402
 
 RESTS = (HANGER_REST, SLING_REST)
 STEPS = np.array([1e-2, 4e-3, 1e-3, 2.5e-4])
@@ -365,3 +377,50 @@ def test_a_closed_stop_must_not_move_at_the_start() -> None:
     level = Stop(name="level", body="lower", sense=1, limit=0.2, closed=True)
     with pytest.raises(UnsupportedProblemError, match="level"):
         MujocoEngine().simulate(Problem(chain(level), 0.1))
+
+
+# --- Softness
+# -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "mechanism", [*TABLE_ONE.values(), four_bar()], ids=lambda mechanism: mechanism.name
+)
+@pytest.mark.parametrize("given", [0.0, 1e-5])
+def test_forces_of_rigid_rows_make_up_for_all_that_softness_took(
+    mechanism: Mechanism, given: float
+) -> None:
+    """A f = c follows from (A + R) f = c + e, of limits that push and of equalities of any sign."""
+    model = load(mechanism, MujocoEngine())
+    data, correction = start_data(model), correction_of(mechanism, model, MujocoEngine())
+    with correction.applied():
+        correction.forward(data)
+    soft, softness = np.array(data.efc_force), np.array(data.efc_R)
+    jacobian = constraint_jacobian(model, data)
+    response = jacobian @ np.linalg.solve(mass_matrix(model, data), jacobian.T)
+    limits = [] if mechanism.loop_joints else list(range(len(soft)))
+    taken = softness * soft - given
+    rigid = _rigid_forces(model, data, limits, None if not given else np.full(len(soft), given))
+    moving = np.diag(response) > 0.0  # a pin's third row is across the plane
+    assert (response @ (rigid - soft))[moving] == pytest.approx(taken[moving], rel=1e-8)
+    assert (soft < 0.0).any() == bool(mechanism.loop_joints)
+
+
+@pytest.mark.parametrize(
+    "mechanism", [*TABLE_ONE.values(), four_bar()], ids=lambda mechanism: mechanism.name
+)
+def test_a_preload_ends_when_each_round_has_gained_its_digits(
+    mechanism: Mechanism, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Six rounds and a look at what they leave."""
+    model, rounds = load(mechanism, MujocoEngine()), list[object]()
+    data, correction = start_data(model), correction_of(mechanism, model, MujocoEngine())
+    forward = type(correction).forward
+
+    def counted(self: ReferenceAccelerationCorrection, data: Any) -> None:
+        rounds.append(data)
+        forward(self, data)
+
+    monkeypatch.setattr(type(correction), "forward", counted)
+    preload(data, stop_constraints(mechanism, model).values(), correction)
+    assert len(rounds) == 7

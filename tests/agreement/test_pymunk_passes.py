@@ -92,6 +92,18 @@ def test_a_mode_grows_if_passes_leave_more_than_a_half_of_it() -> None:
     assert math.log(growth(1.0 - g)) == pytest.approx(g ** (1 / 3) / 2, rel=0.01)
 
 
+@pytest.mark.parametrize("left", [1e-3, 0.2, 0.5, 0.9, 1.0 - 1e-6, 1.0, 1.0 + 1e-15])
+def test_a_mode_grows_as_the_recurrence_of_position_speed_and_impulse_does(left: float) -> None:
+    """The impulses of a step change by the share 1 - left of what they should."""
+    step = np.zeros((3, 3))
+    for k, (x, y, z) in enumerate(np.eye(3)):
+        gap = x + y
+        push = left * z - (1.0 - left) * (gap + y)
+        step[:, k] = gap, y + push, push
+    roots = np.abs(np.linalg.eigvals(step))
+    assert growth(left) == pytest.approx(roots.max(), abs=1e-4)  # of a triple root at 1
+
+
 def test_a_slow_mode_that_nothing_excites_does_not_grow() -> None:
     """200 passes leave 0.98 of it.
 
@@ -124,6 +136,22 @@ def test_a_mode_that_grows_all_the_same_is_refused() -> None:
     )
     with pytest.raises(SimulationError, match=sentence):
         tb.engine("pymunk", timestep=1e-3).simulate(Problem(turntable(0.001), 0.5))
+
+
+def test_the_slowest_bodies_are_those_that_what_is_left_moves_most() -> None:
+    """A swing beside the turntable is none of them, however heavy it is."""
+    table = turntable(0.01)
+    swing = Body(name="swing", angle="swing", mass=50.0, centre=(0.3, 0.1), inertia=9.0)
+    both = table.model_copy(
+        update={
+            "bodies": (*table.bodies[:1], swing, *table.bodies[1:]),
+            "joints": (table.joints[0], pin("hinge", GROUND, "swing"), *table.joints[1:]),
+            "start": (0.0, 0.0, 0.0),
+            "start_speeds": (SPEED, 0.0, 0.0),
+        }
+    )
+    found = convergence(build(both, (), 0.0, 1e4))
+    assert found.slowest(200) == ("table", "sledge")
 
 
 def test_impulses_that_have_converged_are_settled() -> None:

@@ -10,7 +10,8 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import angle_stop, floor, rod_pendulum
+from mechanisms import angle_stop, floor, pin, rod_pendulum
+from trebucheck.models.elements import GROUND, ConstantTorque
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
@@ -68,3 +69,66 @@ def test_stops_on_both_sides_leave_no_rebound(engine: str) -> None:
     trajectory = engine_run(engine, held.model_copy(update={"start_speeds": (2.0,)}))
     assert np.abs(trajectory.u[1:]).max() < 1e-8
     assert trajectory.impacts[0][1]["stop"] == pytest.approx(2.0 * 2.5, rel=1e-9)
+
+
+def trio(mass: float, order: int) -> tuple[Mechanism, dict[str, float]]:
+    """Two rods, one on the other, and a third one, each on a stop; and the torques of these [N m].
+
+    The third one's pushes in any case. Of the two others both would have to pull if both were held:
+    pivoting by the least index lets one of them go, then the other, and holds the upper one's again
+    because it closes.
+    """
+    start, inertia = {"upper": 0.2, "lower": 0.3, "third": 0.0}, 0.2 + 0.6**2
+    coupling = 0.6 * math.cos(0.1)
+    lower = 1.5 * (inertia + 1.0) / coupling  # [rad/s^2] of the free rod; the upper one's is -1
+    torques = {
+        "upper": mass * (coupling * lower - (inertia + 1.0)),
+        "lower": mass * (inertia * lower - coupling),
+        "third": -mass,
+    }
+    stops = [
+        tb.Stop(name=name, body=name, sense=1, limit=limit, closed=True)
+        for name, limit in start.items()
+    ]
+    mechanism = Mechanism(
+        name="trio",
+        bodies=tuple(
+            tb.Body(name=name, angle=name, mass=mass, centre=(0.6, 0), inertia=0.2 * mass)
+            for name in start
+        ),
+        joints=(
+            pin("shoulder", GROUND, "upper"),
+            pin("elbow", "upper", "lower", (1.0, 0.0)),
+            pin("hinge", GROUND, "third"),
+        ),
+        stops=tuple(stops[::order]),
+        force_elements=tuple(
+            ConstantTorque(name=f"on {name}", body=name, torque=torque)
+            for name, torque in torques.items()
+        ),
+        gravity=0.0,
+        start=tuple(start.values()),
+    )
+    held = mass * (inertia + 1.0 - coupling**2 / inertia)
+    return mechanism, {"upper": held, "lower": 0.0, "third": mass}
+
+
+@pytest.mark.parametrize("engine", ["reference", "mujoco", "exudyn", "pymunk"])
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_stop_is_held_again_if_it_closes_without_the_other(engine: str, order: int) -> None:
+    mechanism, torques = trio(1.0, order)
+    pytest.importorskip(engine) if engine != "reference" else None
+    run = tb.engine(engine).simulate(Problem(mechanism, duration=0.01))
+    assert run.release_times == {"upper": None, "lower": 0.0, "third": None}
+    for name, torque in torques.items():
+        assert run.stop_torque(name)[0] == pytest.approx(torque, rel=1e-6)
+
+
+def test_what_closes_is_told_from_rounding_at_any_mass() -> None:
+    pytest.importorskip("pymunk")
+    from trebucheck.engines.pymunk.motion import (
+        _active_at_start,  # pyright: ignore[reportPrivateUsage]
+    )
+
+    for mass in (1e-6, 1e6):
+        assert _active_at_start(trio(mass, 1)[0], 1e-3, 1e4) == ("upper", "third")

@@ -10,11 +10,12 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import TABLE_ONE, chain_on_a_slot, everything, position_error, scaled
+from mechanisms import TABLE_ONE, chain_on_a_slot, everything, pin, position_error, scaled
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.units import SI, Units, units_of
+from trebucheck.models.elements import GROUND, PrismaticJoint, RotationalSpringDamper
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
@@ -159,6 +160,43 @@ def test_a_slow_motion_has_a_unit_of_time_of_its_own() -> None:
     slow = Units(1.0, 1.0, 1 / 1024).mechanism(tb.hinged())
     assert slow.gravity < 1e-5
     assert units_of(slow) == Units(time=1024.0)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "stiffness", "rate"),
+    [
+        ((2.0**-8, 2.0**-9), 0.0, 2.0**-8),
+        ((2.0**-10, 2.0**-7), 0.0, 2.0**-9),
+        ((-(2.0**-8), 0.0), 2.0**-15, 2.0**-8),
+        ((0.0, -(2.0**-10)), 2.0**-15, 2.0**-10),
+    ],
+)
+def test_the_unit_of_time_is_that_of_the_fastest_rate(
+    speeds: tuple[float, float], stiffness: float, rate: float
+) -> None:
+    """A speed of turning, one of sliding over the length of 4 m, or a spring's frequency.
+
+    The spring's is sqrt(k / (2 kg (4 m)^2)).
+    """
+    mechanism = tb.Mechanism(
+        name="slow",
+        bodies=(
+            tb.Body(name="rod", angle="a", mass=2.0, centre=(4.0, 0.0), inertia=0.0),
+            tb.Body(name="cart", angle=None, mass=1.0, centre=(0.0, 0.0), inertia=1.0),
+        ),
+        joints=(
+            pin("pin", GROUND, "rod"),
+            PrismaticJoint(
+                name="rail", parent=GROUND, child="cart", parent_point=(0.0, 0.0),
+                child_point=(0.0, 0.0), axis=(1.0, 0.0), coordinate="x",
+            ),
+        ),
+        force_elements=(RotationalSpringDamper(name="spring", body="rod", stiffness=stiffness),),
+        gravity=0.0,
+        start=(0.0, 0.0),
+        start_speeds=speeds,
+    )  # fmt: skip
+    assert units_of(mechanism) == Units(time=1 / rate)
 
 
 def test_an_inspection_in_other_units_keeps_its_engines_roundoff() -> None:

@@ -20,9 +20,10 @@ import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
 from trebucheck.comparisons.compare import MachineRuns
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.conformance import plugin
 from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
-from trebucheck.conformance.suite import Session, Suite, Target
+from trebucheck.conformance.suite import Session, Suite, Target, _Interface
 from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance, Deviations
 from trebucheck.engines.registry import ANNOUNCED
 from trebucheck.models.spec import schema_text
@@ -129,6 +130,14 @@ def test_a_wrong_engine_is_rejected_by_the_cheapest_check(engine: str) -> None:
     assert said in f"{failed.text} {failed.cause}"
 
 
+def test_runs_that_differ_say_by_how_much() -> None:
+    """That engine's angles are another billionth off in each run."""
+    target = Target.of("dummy_engines:Random")
+    said = next(_Interface(target, ("catapult",), Worker(isolate=False)).same_again())
+    told = [float(word) for word in said.split() if re.fullmatch(r"[\d.]+e-\d+", word)]
+    assert len(told) == 1 and 0.5e-9 < told[0] < 3.5e-9
+
+
 def test_a_right_engine_keeps_everything_and_what_it_lacks_is_named() -> None:
     found = list(_suite("dummy_engines:Full", (*PROBLEMS, "bead")).verdicts())
     assert not [verdict for verdict in found if verdict.failed]
@@ -182,8 +191,14 @@ def _compared(verdicts: Iterable[CheckVerdict]) -> dict[str, tuple[CheckState, f
     }
 
 
-def test_an_engine_that_is_absent_is_skipped_unless_it_is_required() -> None:
+@pytest.mark.parametrize("tells", [True, False])
+def test_an_engine_that_is_absent_is_skipped_unless_it_is_required(
+    tells: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An engine that cannot tell whether it is here is absent, too."""
     target = Target.of("dummy_engines:Uninstalled")
+    if not tells:
+        monkeypatch.setattr(target.engine_type, "is_installed", lambda: 1 / 0)
     for required, state in ((False, CheckState.SKIPPED), (True, CheckState.BROKEN)):
         suite = Suite(target, ("catapult",), REFERENCES, required=required, isolate=False)
         assert {verdict.state for verdict in suite.verdicts()} == {state}

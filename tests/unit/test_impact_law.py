@@ -79,3 +79,18 @@ def test_two_algorithms_agree_on_random_stops() -> None:
         )
         assert np.abs(rows.T @ (x - p)).max() < 1e-8 * size
     assert 10 < unsolvable < 200
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e9])
+def test_impulses_are_those_of_other_speeds_at_any_speed(size: float) -> None:
+    """Twenty redundant sets of stops; half of the stops would pull if all took part."""
+    random, pulled = np.random.default_rng(5), 0
+    for _ in range(20):
+        rows = random.normal(size=(4, 3))
+        rows[1] = rows[0]
+        matrix, came, e = rows @ rows.T, rows @ random.normal(size=3), random.uniform(size=4)
+        here, there = impulses(matrix, came, e), impulses(matrix, size * came, e)
+        assert here is not None and there is not None
+        assert there / size == pytest.approx(here, abs=1e-9)
+        pulled += int(np.sum(here == 0.0))
+    assert pulled > 20

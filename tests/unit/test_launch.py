@@ -7,7 +7,14 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.models.launch import locate_launch, rest_opened
+from trebucheck.models.launch import (
+    LAUNCH_ANGLE,
+    SmoothVelocity,
+    first_launch,
+    launch_interval,
+    locate_launch,
+    rest_opened,
+)
 
 RATE, FIRST = 3.0, math.radians(120)
 # 1e-15 m over 0.01 s, over a turning rate of 15 m/s^2, with room for the divided differences
@@ -114,3 +121,54 @@ def test_a_projectile_on_its_rest_is_not_launched() -> None:
     assert rest_opened(machine, "sling", times) is None
     assert rest_opened(machine, "sling", {**times, "sling rest": 1.4}) == 1.4
     assert rest_opened(machine, "arm", times) == 0.0
+
+
+def _circling(rate: float, start: float) -> SmoothVelocity:
+    """A velocity of 3 m/s that turns anticlockwise at a rate, in a hundred steps of 1 s."""
+
+    def at(t: np.ndarray) -> np.ndarray:
+        along = 3.0 * np.exp(1j * (start + rate * t))
+        return np.stack([along.real, along.imag], axis=1)
+
+    return SmoothVelocity(np.linspace(0.0, 1.0, 101), at)
+
+
+@pytest.mark.parametrize("time", [0.013, 0.32, 0.33, 0.5, 0.987])
+def test_a_launch_in_any_of_many_steps(time: float) -> None:
+    launch = first_launch([_circling(-1.0, LAUNCH_ANGLE + time)])
+    assert launch is not None
+    assert launch.time == pytest.approx(time, abs=1e-14)
+    assert launch.velocity == pytest.approx([3.0 * math.sqrt(0.5)] * 2, rel=1e-13)
+
+
+@pytest.mark.parametrize("time", [0.013, 0.32, 0.33, 0.5, 0.987])
+def test_no_launch_in_many_steps(time: float) -> None:
+    """The velocity turns up through the direction, or down through its opposite."""
+    assert first_launch([_circling(1.0, LAUNCH_ANGLE - time)]) is None
+    assert first_launch([_circling(1.0, LAUNCH_ANGLE + math.pi - time)]) is None
+
+
+@pytest.mark.parametrize("beside", [-3e-15, 0.0, 1e-15, 5e-15])
+def test_a_sample_at_the_launch_itself(beside: float) -> None:
+    """Whatever rounding makes of the component across the direction, which is zero there."""
+    rate, shift = 7.0, 1e3 * np.array([1.0, -2.0])
+    for step in (0.008, 0.01, 0.013):
+        t = 0.3 + step * np.arange(12)
+        along = np.exp(1j * (LAUNCH_ANGLE + beside - rate * (t - t[6])))
+        velocity = 4.0 * np.stack([along.real, along.imag], axis=1)
+        along /= -1j * rate / 4.0
+        launch = locate_launch(t, np.stack([along.real, along.imag], axis=1) + shift, velocity)
+        assert launch is not None
+        assert launch.time == pytest.approx(t[6], abs=1e-9)
+
+
+def test_the_interval_of_a_launch() -> None:
+    """Down through the direction, clockwise: not up, and not through its opposite."""
+    turning = np.exp(1j * np.radians([60, 30, -90, -120, -150, 170, 60, 20]))
+    velocity = np.stack([turning.real, turning.imag], axis=1)
+    assert launch_interval(velocity) == 0
+    assert launch_interval(velocity[1:]) == 5
+    assert launch_interval(velocity[1:6]) is None
+    assert launch_interval(velocity[4:2:-1]) is None
+    assert launch_interval(velocity, math.radians(-100)) == 2
+    assert launch_interval(-velocity, math.radians(80)) == 2

@@ -428,6 +428,27 @@ def test_releases_that_one_of_the_two_has(
         )
 
 
+@pytest.mark.parametrize(
+    ("turn", "judged"), [(0.9, set()), (1.1, {"rest"}), (1.4, {"rest"}), (1.6, {"rest", "wall"})]
+)
+def test_a_release_without_load_is_judged_where_the_gap_opens_by_a_part_of_its_scale(
+    turn: float, judged: set[str]
+) -> None:
+    """A thousandth of a radian, or of 3 m; the tip is 2 m off, and nothing presses on the stops."""
+    wall = next(stop for stop in trolley().stops if stop.name == "wall")
+    held = wall.model_copy(update={"offset": 0.0, "closed": True})
+    mechanism = trolley(stops=(*trolley().stops[:2], held))
+    released = {"rest": RELEASE, "wall": RELEASE}
+    idle = {stop.name: lambda t: 0 * t for stop in mechanism.stops}
+    motion = replace(
+        REFERENCE, mechanism=mechanism, release_times=released, torques=idle,
+        q=lambda t: [0 * t, math.pi + turn * 1e-3 * (t > RELEASE), 0 * t],
+    )  # fmt: skip
+    found = _measured(motion.trajectory(T), motion)
+    names = {"rest", "wall"}
+    assert {name for name in names if found[f"release_time ({name})"].observed} == judged
+
+
 def test_releases_of_both_after_the_end_are_none() -> None:
     def found(own: float | None, reference: float | None) -> dict[str, Metric]:
         return _measured(

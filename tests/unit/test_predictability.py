@@ -18,7 +18,14 @@ from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
 from trebucheck.comparisons.runs.results import Metric
 from trebucheck.comparisons.runs.scales import scales_until
-from trebucheck.comparisons.runs.stretching import LIMIT, START_LIMIT, Stretching, stretching_until
+from trebucheck.comparisons.runs.stretching import (
+    LIMIT,
+    PARTED,
+    START_LIMIT,
+    Stretching,
+    parting,
+    stretching_until,
+)
 from trebucheck.comparisons.runs.tolerances import DEFAULT
 from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Body, Marker
@@ -126,6 +133,25 @@ def test_many_bodies_are_changed_together(monkeypatch: pytest.MonkeyPatch) -> No
     assert len({tuple(np.sign(each)) for each in changed[1:4]}) == 3 and not np.any(changed[4:])
 
 
+def test_no_inertia_is_changed_to_less_than_none() -> None:
+    """Point masses get as much more as other bodies get less."""
+    n, inertia = 7, 1 / 12
+    rods = _links(n, 1.0)
+    points = [body.model_copy(update={"inertia": 0.0}) for body in rods.bodies]
+    several = zip(
+        stretchings._with_other_inertias(rods),
+        stretchings._with_other_inertias(rods.model_copy(update={"bodies": tuple(points)})),
+        strict=True,
+    )
+    down = 0
+    for heavy, light in several:
+        changes = [body.inertia - inertia for body in heavy.bodies]
+        down += sum(change < 0 for change in changes)
+        added = [body.inertia for body in light.bodies]
+        assert added == pytest.approx(np.abs(changes), rel=1e-6)
+    assert down > 0
+
+
 def test_a_changed_mechanism_that_cannot_be_moved_to_the_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -214,3 +240,24 @@ def test_beyond_a_horizon_that_rounding_sets_a_parting_is_no_fault() -> None:
     late, early = _parted(2e-4, rounded), _parted(9e-4, rounded)
     assert late["first_parting"].value > 2.0 > early["first_parting"].value  # type: ignore[operator]
     assert late["base_error"].value == pytest.approx(1e-5) and early["base_error"].value > 1e-4  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("away", "parts"), [(0.99, False), (1.01, True)])
+def test_a_marker_has_parted_by_a_part_of_the_length(away: float, parts: bool) -> None:
+    """Of a model of 20 cm: coordinates as they should be, the marker a little more or less off."""
+    bob, t = mechanisms.hanging_bob(length=0.2), np.linspace(0.0, 4.0, 401)
+    own = solve(tb.Problem(bob, duration=4.0)).trajectory(t)
+    scales = scales_until(solve(tb.Problem(bob, duration=4.0)), 4.0)
+    assert scales.length == pytest.approx(0.2)
+    shift = np.where(t > 2.5, away * PARTED * 0.2, 0.0)[:, None] * [0.6, 0.8]
+    marker = own.marker("bob")
+    wrong = replace(own, markers={"bob": replace(marker, position=marker.position + shift)})
+    angles = np.array([True])
+    found = {m.name: m for m in parting(wrong, own, angles, scales, _growing(1.5))}
+    time = found["first_parting"].value
+    assert (time is not None) == parts
+    assert time is None or time == pytest.approx(2.51)
+    off = replace(own, q=own.q + np.where(t > 1.7, away * PARTED, 0.0)[:, None])
+    found = {m.name: m for m in parting(off, own, angles, scales, _growing(1.5))}
+    time = found["first_parting"].value
+    assert time is None if not parts else time == pytest.approx(1.71)

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.diagnosis.diagnose import diagnose_motion
+from trebucheck.comparisons.diagnosis.case import Case
+from trebucheck.comparisons.diagnosis.diagnose import (
+    _law_causes,
+    _motion_agrees,
+    _outright_causes,
+    diagnose_motion,
+)
 from trebucheck.comparisons.diagnosis.faults import (
     Component,
     combined,
@@ -19,10 +27,16 @@ from trebucheck.comparisons.diagnosis.faults import (
 from trebucheck.comparisons.diagnosis.fit import first_order
 from trebucheck.comparisons.diagnosis.rank import Estimate, measured, ranked
 from trebucheck.comparisons.diagnosis.rerun import Rerun
+from trebucheck.comparisons.runs.quantities import Kind, Quantity
 from trebucheck.comparisons.runs.results import Diagnosis, Metric, RankedCause
 from trebucheck.models.trajectory import PointMotion
 from trebucheck.reference.equations import Equations
-from trebucheck.reference.perturbed import with_damping, with_joint_element, with_tilted_gravity
+from trebucheck.reference.perturbed import (
+    solve_scheduled,
+    with_damping,
+    with_joint_element,
+    with_tilted_gravity,
+)
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
@@ -316,6 +330,18 @@ def test_only_what_may_be_listed_is_measured() -> None:
     assert asked == [f"cause {k}" for k in range(6)] + ["close"]
 
 
+@pytest.mark.parametrize(("share", "is_measured"), [(0.048, False), (0.0495, True), (0.3, True)])
+def test_while_the_list_has_room_all_that_tell_something_are_measured(
+    share: float, is_measured: bool
+) -> None:
+    """Whose rough share may be a twentieth; it is known to a thousandth."""
+    rough = [("best", 0.9999, 0.9999), *((f"{k}", 0.5, 0.5) for k in range(4))]
+    estimates, asked = _estimates(*rough, ("last", share, 0.06))
+    listed = ranked(measured(estimates[:-2] + estimates[-1:]))[0]
+    assert ("last" in asked) == is_measured == ("last" in [cause.name for cause in listed])
+    assert len(asked) == 4 + is_measured
+
+
 def test_what_decides_how_many_are_named_is_measured() -> None:
     """Eight suspects of the same effect.
 
@@ -323,3 +349,134 @@ def test_what_decides_how_many_are_named_is_measured() -> None:
     """
     estimates, asked = _estimates(*((f"cause {k}", 0.97, 0.97) for k in range(8)))
     assert ranked(measured(estimates))[1] == 0 and len(asked) == 8
+
+
+# what a trajectory shows by itself
+
+Q, U, P, V = map(Quantity, (Kind.COORDINATES, Kind.SPEEDS, Kind.POSITION, Kind.VELOCITY))
+FORCE = Quantity(Kind.FORCE, "pin")
+
+
+def _outright(whole: tb.Trajectory, end: float = 1.0) -> dict[str, float]:
+    solution = solve(tb.Problem(_sprung(), duration=1.2))
+    return {c.name: c.explained for c in _outright_causes(Case(whole, solution, end))}
+
+
+def _swung(samples: int = 101, end: float = 1.0) -> tb.Trajectory:
+    solution = solve(tb.Problem(_sprung(), duration=1.2))
+    return solution.trajectory(np.linspace(0.0, end, samples))
+
+
+def test_an_early_end_explains_what_is_missing_beside_what_deviates() -> None:
+    """Half of the time is missing; an angle is off by a quarter of its size, which is 1 rad."""
+    half = _swung(51, 0.5)
+    assert _outright(half) == {"run ends early": pytest.approx(1.0, abs=1e-9)}
+    assert _outright(replace(half, q=half.q + 0.25)) == {
+        "run ends early": pytest.approx(0.5 / (0.5 + 0.25))
+    }
+    # Up to two steps may be missing.
+    assert not _outright(_swung(100, 0.99)) and not _outright(_swung(99, 0.9801))
+    assert set(_outright(_swung(98, 0.97))) == {"run ends early"}
+
+
+def test_a_first_sample_of_its_own_explains_what_stands_out_from_the_others() -> None:
+    right = _swung()
+    first = np.zeros_like(right.q)
+    first[0] = 0.05
+    assert _outright(replace(right, q=right.q + first + 1e-4)) == {
+        "first sample: coordinates": pytest.approx(1 - 1e-4 / 0.0501)
+    }
+    assert not _outright(replace(right, q=right.q + first + 1e-3))
+
+
+def test_values_that_are_no_numbers_and_markers_that_are_missing_are_told() -> None:
+    right = _swung()
+    u = right.u.copy()
+    u[60:] = np.nan
+    assert _outright(replace(right, u=u)) == {f"{U.text}: not a finite number": 1.0}
+    assert _outright(replace(right, markers={})) == {"no marker tip": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("shares", "broken", "agrees"),
+    [
+        ({Q: 0.0, U: 0.0, FORCE: 1.0}, set(), True),
+        ({Q: 0.0099, U: 0.0, FORCE: 1.0}, set(), True),
+        ({Q: 0.0101, U: 0.0, FORCE: 1.0}, set(), False),
+        ({Q: 0.0, U: 0.5, FORCE: 0.5}, set(), False),
+        ({Q: 0.0, FORCE: 1.0}, set(), False),  # the speeds are not told
+        ({Q: 0.0, U: 0.0, FORCE: 1.0}, {"angle_max"}, False),
+        ({Q: 0.0, U: 0.0, FORCE: 1.0}, {"velocity_max"}, True),
+        ({Q: 0.5, P: 0.0, V: 0.0}, set(), True),  # markers alone are right
+        ({Q: 0.5, P: 0.0}, set(), True),
+        ({Q: 0.5, P: 0.0, V: 0.2}, set(), False),
+        ({Q: 0.5, P: 0.0, V: 0.0}, {"position_max"}, False),
+        ({Q: 0.5, U: 0.5}, set(), False),  # no markers are told
+        ({Q: 0.0, U: 0.0, P: 0.0}, set(), False),  # nothing deviates
+    ],
+)
+def test_a_motion_agrees_where_its_state_or_its_markers_are_right(
+    shares: dict[Quantity, float], broken: set[str], agrees: bool
+) -> None:
+    case: Any = SimpleNamespace(shares=shares, broken=broken)
+    assert _motion_agrees(case) is agrees
+
+
+# releases
+
+
+class _WithImpacts(Case):
+    """Whose motion is taken for one with impacts."""
+
+    has_impacts = True  # type: ignore[assignment]
+
+
+@cache
+def _fixed() -> Solution:
+    """Its hanger is released at 1.19 s, its sling at 1.80 s; the third stop is open."""
+    return solve(tb.Problem(tb.fixed(), duration=2.2))
+
+
+def _released(kind: type[Case], hanger: float, sling: float, moves: bool = True) -> dict[str, Any]:
+    """Causes of stops that open later by so much, or are only said to; with accurate shares."""
+    solution, t = _fixed(), np.linspace(0.0, 2.1, 200)
+    right = dict(solution.release_times)
+    told = right | {
+        f"{name} rest": (right[f"{name} rest"] or math.nan) + late
+        for name, late in (("hanger", hanger), ("sling", sling))
+    }
+    schedule = told if moves else right
+    moved = solve_scheduled(tb.Problem(tb.fixed(), duration=2.2), schedule).trajectory(t)
+    case = kind(replace(moved, release_times=told), solution, 2.1)
+    found = [c.measured() if isinstance(c, Estimate) else c for c in _law_causes(case)]
+    return {cause.name: cause for cause in found}
+
+
+HANGER, SLING = "release of the hanger rest", "release of the sling rest"
+
+
+def test_a_late_release_explains_its_motion() -> None:
+    found = _released(Case, 0.05, 0.0)
+    assert found[HANGER].kind == "law" and found[HANGER].explained > 0.9999
+    assert f"reading of the {HANGER}" not in found and SLING not in found
+    start, due = (float(w) for w in found[HANGER].amount.split() if w[0].isdigit())
+    assert start - due == pytest.approx(0.05, abs=2e-5)  # six digits are told
+    assert abs(found["reading of the hanger rest's release"].explained) < 1e-4
+    assert found["hanger rest never opens"].explained < 0.95
+
+
+def test_a_release_that_is_only_told_late_is_a_mistake_of_reading() -> None:
+    found = _released(Case, 0.05, 0.0, moves=False)
+    assert found["reading of the hanger rest's release"].explained > 0.9999
+    assert "reading of the sling rest's release" not in found
+    assert found[HANGER].explained < 0.0
+
+
+def test_the_first_of_two_late_releases_explains_both() -> None:
+    found = _released(Case, 0.05, 0.02)
+    assert found[HANGER].explained > 0.9999 > found[SLING].explained
+
+
+def test_where_there_are_impacts_a_schedule_moves_nothing_and_only_readings_are_suspected() -> None:
+    found = _released(_WithImpacts, 0.05, 0.0)
+    assert set(found) == {"reading of the hanger rest's release"}

@@ -592,6 +592,23 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
     assert "missing_time" not in known
 
 
+@pytest.mark.parametrize(("time", "known"), [(0.7, True), (None, False)])
+def test_the_base_error_is_known_where_the_coarser_integration_parts(
+    bob: tuple[Any, Scales], monkeypatch: pytest.MonkeyPatch, time: float | None, known: bool
+) -> None:
+    """Else what it has is a bound."""
+    solution, scales = bob
+    metrics = (
+        _metric("base_error", None, 1e-9, "1"),
+        _metric("first_parting", None, time, "s"),
+        _metric("position_max", "bob", 1e-9, "m"),
+    )
+    monkeypatch.setattr(running, "measure", lambda *_, **__: metrics)
+    values = reference_uncertainties(solution, 1.0, scales, "projectile").values
+    assert ("base_error" in values) == known
+    assert "position_max" in values and "first_parting" not in values
+
+
 def test_an_event_of_one_integration_only_is_as_uncertain_as_its_scale() -> None:
     missing = _metric("release_time", "rest", None, "s")
     assert running._distance(missing, SCALES, Formula()) == pytest.approx(TIME)  # type: ignore[arg-type]

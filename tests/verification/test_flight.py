@@ -180,6 +180,33 @@ def test_the_best_release_is_the_best_of_its_sweep(name: str, drag: float) -> No
     assert before > 0 > after
 
 
+def test_the_best_release_is_in_the_fastest_of_many_turns() -> None:
+    """A motor turns a rod faster and faster: each turn's best range is longer than the last's."""
+    rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.0, 0.0), inertia=1.0)
+    pivot = tb.PinJoint(name="pivot", parent="ground", child="rod", parent_point=(0, 3),
+                        child_point=(0, 0))  # fmt: skip
+    machine = tb.Mechanism(
+        name="rotor",
+        bodies=(rod,),
+        joints=(pivot,),
+        force_elements=(tb.ConstantTorque(name="motor", body="rod", torque=2.0),),
+        markers=(tb.Marker(name="projectile", body="rod", point=(1.0, 0.0)),),
+        gravity=G,
+        start=(0.0,),
+        start_speeds=(4.0,),
+    )
+    duration = 8.0  # (4 + 2 t)^2 / 4 - 4 = 96 rad: fifteen turns
+    thrown, surroundings = Projectile(solve(tb.Problem(machine, duration))), Surroundings(gravity=G)
+    best = thrown.best_release(surroundings, until=duration)
+    assert best is not None
+    assert best.speed == pytest.approx(4.0 + 2.0 * best.time, rel=1e-9)
+    last_turn = duration - 2 * math.pi / (4.0 + 2.0 * duration) * 1.3
+    assert last_turn < best.time < duration
+    farthest = fly(best, surroundings).range
+    for t in np.linspace(last_turn, duration, 300):
+        assert fly(thrown.release_at(float(t)), surroundings).range <= farthest * (1 + FLIGHT)
+
+
 def _best_angle(name: str, drag_area: float) -> float:
     place = world(name)
     drag = Air(density=place.density, drag_area=drag_area).drag(60.0)

@@ -179,6 +179,14 @@ def test_a_rod_with_something_hung_on_its_middle_is_no_two_force_member() -> Non
     assert flags == {"sling": True, "hanger": False, "bob": True}
 
 
+@pytest.mark.parametrize("pulled", ["sling", "hanger", "arm"])
+def test_a_rod_that_a_force_acts_on_is_no_two_force_member(pulled: str) -> None:
+    force = tb.ConstantForce(name="pull", body=pulled, point=(1.0, 0.0), force=(1.0, 0.0))
+    machine = tb.fixed().model_copy(update={"force_elements": (force,)})
+    flags = {m.body.name: m.two_force for m in members(machine)}
+    assert flags == {"sling": pulled != "sling", "hanger": pulled != "hanger"}
+
+
 def test_intervals_of_simple_functions() -> None:
     times = np.linspace(0.0, 3 * math.pi, 200)
     found = negative_intervals(np.sin, times)

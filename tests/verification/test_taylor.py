@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from hypothesis import given
 from mechanisms import (
     angle_stop,
     body_of,
+    bouncing,
     everything,
     hanging_bob,
     parallel_cranks,
@@ -36,7 +38,7 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.batch import launch_batch
 from trebucheck.reference.taylor.expressions import TaylorSystem, heyoka, why_not_taylor
 from trebucheck.reference.taylor.numbers import numbers_of, structure_of
-from trebucheck.reference.taylor.solve import solve_taylor, taylor_quantities
+from trebucheck.reference.taylor.solve import _Integration, solve_taylor, taylor_quantities
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
 
@@ -205,6 +207,26 @@ def test_rattling_between_two_rests_ends() -> None:
             min(trajectory.stop_gap(name).min() for name in ("hanger rest", "sling rest")) > -1e-12
         )
         assert solution.launch is not None
+
+
+@pytest.mark.parametrize(
+    ("gap", "speed", "time"),
+    [
+        (0.0, 1e-3, 1e-10),
+        (1e-12, 1e-3, 1e-10),  # already clear, but within rounding of zero
+        (-5e-11, 1e-3, 5.01e-8),  # it has to come up to zero first
+        (-5e-11, 1e-6, 2e-6 / 9.81),  # it never does: 2 v / g later it has come back
+        (-5e-11, 0.0, 1e-4),
+        (0.0, 1e-9, 1e-4),  # standing
+        (0.0, 1e-8, 2e-8 / 9.81),
+    ],
+)
+def test_when_a_gap_that_opens_from_zero_is_clear(gap: float, speed: float, time: float) -> None:
+    """A gap of 1e-13 m is clear."""
+    problem = tb.Problem(bouncing(1.0, 0.5), duration=1.0, stop_law="unilateral")
+    run = _Integration(problem, None, "double")
+    run.initial = replace(run.initial, q=np.array([gap]), u=np.array([speed]))
+    assert run._clearing_times() == {0: pytest.approx(time, rel=1e-9)}
 
 
 @needs_heyoka

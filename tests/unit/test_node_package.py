@@ -1,0 +1,77 @@
+"""An engine of npm: whether it is here, how it is installed, and what its program takes and gives.
+
+Programs of a few lines stand for Node.js and npm.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trebucheck.engines.node_package import SCENE, NodePackage
+from trebucheck.models.errors import SimulationError
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> NodePackage:
+    """A package that is not installed, without Node.js and npm on the path."""
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "plug-in").mkdir()
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    return NodePackage("Cube 2D", "@cubes/cube", "cubes", tmp_path / "plug-in")
+
+
+def program(package: NodePackage, name: str, text: str) -> None:
+    path = package.folder.parent / "bin" / name
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+
+
+def unpack(package: NodePackage) -> None:
+    folder = package.folder / "node_modules" / "@cubes" / "cube"
+    folder.mkdir(parents=True)
+    (folder / "package.json").write_text(json.dumps({"version": "1.2.3"}))
+
+
+def test_a_package_is_installed_if_it_and_node_are_here(package: NodePackage) -> None:
+    assert not package.is_installed() and "no program `node`" in package.absence()
+    unpack(package)
+    assert not package.is_installed() and package.version() == "not installed"
+    program(package, "node", "exit 0")
+    assert package.is_installed() and package.version() == "1.2.3"
+
+
+def test_a_package_without_its_folder_is_brought_by_a_command(package: NodePackage) -> None:
+    program(package, "node", "exit 0")
+    assert not package.is_installed() and package.version() == "not installed"
+    assert "`python -m cubes`" in package.absence()
+
+
+def test_npm_installs_in_the_folder_and_its_exit_code_is_told(package: NodePackage) -> None:
+    with pytest.raises(SystemExit, match="no program `npm`"):
+        package.install()
+    for code in (0, 3):
+        program(package, "npm", f"echo $1 in $PWD >> asked; exit {code}")
+        with pytest.raises(SystemExit) as ended:
+            package.install()
+        assert ended.value.code == code
+    assert (package.folder / "asked").read_text() == 2 * f"install in {package.folder}\n"
+
+
+def test_samples_are_what_the_program_writes_of_the_scene(package: NodePackage) -> None:
+    samples = np.arange(6.0).reshape(3, 2) / 7
+    scene = {"steps": 2, "bodies": ["arm"]}
+    (package.folder / "samples").write_bytes(samples.astype("<f8").tobytes())
+    program(package, "node", f"PATH={os.defpath}; cat > asked; echo $1 $2 >> asked; cat samples")
+    assert np.array_equal(package.move(scene), samples)
+    text, command = (package.folder / "asked").read_text().split("}")
+    assert json.loads(text + "}") == scene and command.split() == ["move.cjs", str(SCENE)]
+
+
+def test_a_program_that_fails_is_an_error_with_its_last_words(package: NodePackage) -> None:
+    program(package, "node", "echo the cubes are gone >&2; exit 1")
+    with pytest.raises(SimulationError, match="Cube 2D failed: the cubes are gone"):
+        package.move({"steps": 2})
