@@ -73,11 +73,6 @@ class Curves(Spec):
     launch_speed: Real | None  # [m/s]
 
     @property
-    def t(self) -> FloatArray:
-        """The grid [s], shape (GRID + 1,)."""
-        return np.linspace(0.0, self.end, GRID + 1)
-
-    @property
     def position(self) -> FloatArray:
         """Curves of all points in the order of their names [m], shape (points, 2, GRID + 1)."""
         return np.array([self.positions[name] for name in sorted(self.positions)])

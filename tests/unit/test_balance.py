@@ -168,6 +168,23 @@ def test_samples_beside_several_impacts() -> None:
     assert abs(work[-1] - (0.35 + 3 * 0.63)) <= error[-1] == pytest.approx(0.1 * 2)
 
 
+@pytest.mark.parametrize("last", [False, True])
+def test_an_impact_in_the_first_or_the_last_interval(last: bool) -> None:
+    """A power of 2 W up to the impact and of 5 W after it, or back: by straight lines, exactly."""
+    t = np.array([0.0, 0.1, 0.3, 0.6, 1.0])
+    impact, before, after = (0.9, 2.0, 5.0) if last else (0.05, 2.0, 5.0)
+    work, error = balance._integrated(t, np.where(t < impact, before, after), [impact])
+    assert work == pytest.approx(before * np.minimum(t, impact) + after * np.maximum(t - impact, 0))
+    assert error == pytest.approx(np.zeros(5), abs=1e-14)
+
+
+def test_the_error_across_an_impact_is_the_change_of_power_beside_it() -> None:
+    """By 1 W in the interval before it and by 4 W in the one after it, over its own 0.2 s."""
+    t = np.array([0.0, 0.1, 0.3, 0.4])
+    value, error = balance._across(t, np.array([1.0, 2.0, 7.0, 3.0]), 2, [0.25])
+    assert value == pytest.approx(2.0 * 0.15 + 7.0 * 0.05) and error == pytest.approx(0.2 * 5.0)
+
+
 # momentum
 
 

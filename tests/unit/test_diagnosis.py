@@ -8,6 +8,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import plugin_engines
@@ -17,10 +19,25 @@ from conftest import machine_parameters, machines
 from faulty import Faulty, body, parameters
 from hypothesis import given
 from hypothesis import strategies as st
-from trebucheck.comparisons.diagnosis.case import Case, factor_of, fit, share_of
-from trebucheck.comparisons.diagnosis.diagnose import active_contacts_at, check_and_diagnose, growth
+from trebucheck.comparisons.diagnosis import diagnose as diagnosing
+from trebucheck.comparisons.diagnosis.case import FINE, ROUGH, Case, factor_of, fit, share_of
+from trebucheck.comparisons.diagnosis.diagnose import (
+    _BuiltModel,
+    _fitted_size,
+    _mistaken,
+    active_contacts_at,
+    check_and_diagnose,
+    growth,
+)
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
-from trebucheck.comparisons.diagnosis.faults import combined, hypotheses, machine_suspects
+from trebucheck.comparisons.diagnosis.faults import (
+    Component,
+    Fault,
+    combined,
+    hypotheses,
+    machine_suspects,
+)
+from trebucheck.comparisons.diagnosis.rank import Estimate
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
@@ -288,3 +305,207 @@ def test_the_model_check_sees_each_number_of_a_force_element() -> None:
         wrong = tb.Mechanism(**{**right.model_dump(), "force_elements": elements})
         found = check_model(Faulty(tb.engine("reference"), machine=lambda _, m=wrong: m), right)
         assert "acceleration" in {check.name for check in found.broken}, field
+
+
+# what a built model shows by itself
+
+
+def _shown(
+    monkeypatch: pytest.MonkeyPatch,
+    start: dict[int, float] | None = None,
+    gaps: dict[str, float] | None = None,
+    torques: Sequence[dict[str, float]] = (),
+) -> list[tuple[str, str, float]]:
+    """Name, amount and share of what a model shows: other starts, gaps, or torques of its stops."""
+    mechanism = tb.fixed()
+    begin = np.array(mechanism.start)
+    for i, value in (start or {}).items():
+        begin[i] = value
+    closed = ("hanger rest", "sling rest")
+    states = [State(begin, 0 * begin, closed[:n]) for n in (0, 1, 2)]
+    dynamics = [
+        SimpleNamespace(stop_torques=each)
+        for each in (torques or [{}, dict.fromkeys(closed, 1.0), dict.fromkeys(closed, 1.0)])
+    ]
+    model: Any = object.__new__(_BuiltModel)
+    model.mechanism, model.states, model.right = mechanism, states, None
+    model.inspection = SimpleNamespace(start=begin, dynamics=dynamics)
+    monkeypatch.setattr(diagnosing, "gap_errors", lambda *_: gaps or {})
+    return [(c.name, c.amount, c.explained) for c in model.single_quantities()]
+
+
+ALPHA = -math.pi / 4
+
+
+@pytest.mark.parametrize(
+    ("value", "amount", "share"),
+    [
+        (-ALPHA, "sign", 1.0),
+        (math.degrees(ALPHA), "degrees for radians", 1.0),
+        (math.radians(ALPHA), "radians for degrees", 1.0),
+        (ALPHA + 0.01, "+0.01 rad", 0.992),
+        (ALPHA - 3.0, "-3 rad", 0.992),
+        (ALPHA + 7.0, "", 0.992),  # more than a turn says nothing
+        (ALPHA - 7.0, "", 0.992),
+        (ALPHA + 6.2, "+6.2 rad", 0.992),
+    ],
+)
+def test_a_start_elsewhere_is_read_off(
+    value: float, amount: str, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert _shown(monkeypatch, {2: value}) == [("start of alpha", amount, share)]
+
+
+def test_a_start_is_right_up_to_roundings_of_its_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of pi for the sling, of one radian for a smaller angle."""
+    assert not _shown(monkeypatch, {1: math.pi * (1 + 0.9 * EXACT), 2: ALPHA + 0.9 * EXACT})
+    found = _shown(monkeypatch, {1: math.pi * (1 + 1.1 * EXACT), 2: ALPHA + 1.1 * EXACT})
+    assert [name for name, *_ in found] == ["start of phi", "start of alpha"]
+
+
+def test_the_place_of_a_stop_is_read_off_in_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
+    gaps = {"hanger rest": -0.01, "sling rest": 0.9 * EXACT, "arm stop": 4.0}
+    assert _shown(monkeypatch, gaps=gaps) == [
+        ("place of the hanger rest", "-0.573 deg", 0.992),
+        ("place of the arm stop", "", 0.992),  # more than half a turn says nothing
+    ]
+
+
+@pytest.mark.parametrize("torque", [{}, {"sling rest": 0.0}, {"sling rest": None}])
+def test_a_stop_that_never_holds_where_it_is_closed_is_missing(
+    torque: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rest = {"hanger rest": 2.0}
+    assert _shown(monkeypatch, torques=({}, rest, rest | torque)) == [
+        ("sling rest missing", "", 0.97)
+    ]
+    assert not _shown(monkeypatch, torques=({}, rest, rest | {"sling rest": -1e-9}))
+
+
+def test_a_mistaken_angle_is_told_to_a_millionth_of_its_size() -> None:
+    assert _mistaken(-3.0 * (1 + 0.9e-6), 3.0) == "sign" and not _mistaken(-3.0 * (1 + 1.1e-6), 3.0)
+    assert _mistaken(-0.3 + 0.9e-6, 0.3) == "sign" and not _mistaken(-0.3 + 1.1e-6, 0.3)
+
+
+# sizes of what is built
+
+
+def _size(
+    deviation: np.ndarray, ways: Callable[[np.ndarray], list[np.ndarray]], n: int = 1,
+    largest: float = math.inf,
+) -> tuple[Any, list[list[float]]]:  # fmt: skip
+    """The size of a fault that fits, and all that were asked for, up to a largest one."""
+    asked: list[list[float]] = []
+    components = (Component("", 1.0, "m", length=largest),) * n
+    fault = Fault("fault", "machine", components, "fault", np.array)  # type: ignore[arg-type]
+
+    def signatures(factors: Any) -> list[np.ndarray]:
+        asked.append(factors.tolist())
+        return ways(factors)
+
+    return _fitted_size(fault, deviation, signatures), asked
+
+
+FORM, CURVE = np.array([3.0, 1.0, -2.0]), np.array([1.0, -1.0, 1.0])
+
+
+def test_a_linear_size_is_fitted_by_the_way_that_shows_it() -> None:
+    found, _ = _size(4.0 * FORM, lambda f: [f[0] * CURVE, f[0] * FORM, 0.0 * FORM])
+    assert found.factors == pytest.approx([4.0]) and found.explained == pytest.approx(1.0)
+    found, _ = _size(4.0 * FORM - 2.0 * CURVE, lambda f: [f[0] * FORM + f[1] * CURVE], n=2)
+    assert found.factors == pytest.approx([4.0, -2.0])
+
+
+def test_a_size_that_bends_its_effect_is_corrected() -> None:
+    """f + f^2 / 10: Newton's method, with differences for derivatives."""
+    right = 2.0
+    found, _ = _size((right + 0.1 * right**2) * FORM, lambda f: [(f[0] + 0.1 * f[0] ** 2) * FORM])
+    assert found.factors == pytest.approx([right], rel=1e-3)
+    assert found.explained > 0.999
+
+
+def test_a_correction_that_makes_no_sense_is_made_in_part() -> None:
+    """Up to 2.5 m: a half of 4 is the first that makes sense, then a tenth of the next 2."""
+    found, asked = _size(4.0 * FORM, lambda f: [f[0] * FORM], largest=2.5)
+    assert asked[2] == pytest.approx([2.0]) and len(found.factors) == 1
+    assert found.factors.tolist() == pytest.approx([2.5]) and found.explained == pytest.approx(
+        0.625
+    )
+
+
+def test_what_explains_nothing_has_no_size() -> None:
+    across = np.cross(FORM, CURVE)
+    assert _size(across, lambda f: [f[0] * FORM])[0] is None
+    assert _size(FORM, lambda _: [])[0] is None
+    lost = Fault("lost", "machine", (Component("", 1.0, "m"),), "lost", lambda _: None)
+    assert _fitted_size(lost, FORM, lambda _: [FORM]) is None
+
+
+# rough shares
+
+
+def _estimated(
+    rough_error: float | None, shares: dict[float, float | None]
+) -> tuple[Any, list[float]]:
+    """What is estimated of a cause with these shares by tolerance, and which were asked for."""
+    asked: list[float] = []
+
+    def share(tolerance: float) -> float | None:
+        asked.append(tolerance)
+        return shares[tolerance]
+
+    case: Any = SimpleNamespace(rough_error=rough_error)
+    cause = RankedCause(name="cause", kind="law", explained=0.0)
+    return Case.estimated(case, cause, share), asked
+
+
+def test_a_rough_share_is_taken_where_it_is_of_use() -> None:
+    found, asked = _estimated(0.003, {ROUGH: 0.4, FINE: 0.5})
+    assert isinstance(found, Estimate) and asked == [ROUGH]
+    assert found.cause.explained == 0.4 and found.error == 0.003
+    assert found.measured().explained == 0.5 and asked == [ROUGH, FINE]
+
+
+@pytest.mark.parametrize(
+    ("rough_error", "shares", "explained"),
+    [
+        (None, {FINE: 0.5}, 0.5),
+        (0.003, {ROUGH: None, FINE: 0.5}, 0.5),
+        (None, {FINE: None}, 0.0),  # it has no motion
+    ],
+)
+def test_else_the_share_is_computed_accurately(
+    rough_error: float | None, shares: dict[float, float | None], explained: float
+) -> None:
+    found, asked = _estimated(rough_error, shares)
+    assert isinstance(found, RankedCause) and found.explained == explained
+    assert asked == list(shares)
+
+
+@pytest.mark.parametrize(
+    ("deviation", "rough", "error"),
+    [
+        (5.0, 0.005, 0.01),  # ten times a thousandth
+        (5.0, 0.0051, None),
+        (5.0, 0.001, 0.002),
+        (0.0, 0.001, None),
+        (5.0, None, None),  # the reference cannot be solved so
+    ],
+)
+def test_a_rough_share_is_known_to_ten_times_what_the_reference_loses(
+    deviation: float, rough: float | None, error: float | None
+) -> None:
+    moved = None if rough is None else SimpleNamespace(trajectory=lambda _: rough)
+
+    def solved(equations: str, tolerance: float) -> Any:
+        assert (equations, tolerance) == ("own", ROUGH)
+        return moved
+
+    case: Any = SimpleNamespace(
+        deviation=deviation * np.array([0.6, 0.8]), t=None,
+        solution=SimpleNamespace(equations="own"),
+        solved=solved,
+        signature=lambda size: size * np.array([-0.8, 0.6]),
+    )  # fmt: skip
+    found = vars(Case)["rough_error"].func(case)
+    assert found == (None if error is None else pytest.approx(error))

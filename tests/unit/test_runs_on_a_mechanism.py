@@ -10,6 +10,7 @@ from threading import TIMEOUT_MAX
 from typing import Any
 
 import numpy as np
+import plugin_engines
 import pytest
 import trebucheck as tb
 from mechanisms import chain_on_a_slot, hanging_bob, rod_pendulum
@@ -86,6 +87,28 @@ def test_a_run_is_timed_as_often_as_is_asked_and_kept() -> None:
     assert len(first.wall_times) == 3 and first is runs.record(engine, repeats=2)
     assert len(runs.record(engine, repeats=4).wall_times) == 4
     assert runs.record(tb.engine("reference", timestep=0.01)) is not first
+
+
+class _TooLong(plugin_engines.Echo):
+    """Adds one sample at a time of its own."""
+
+    last = 1.0
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        solution = solve(tb.Problem(problem.mechanism, duration=3.0))
+        return solution.trajectory(np.array([0.0, 0.2, 0.3, self.last]))
+
+
+@pytest.mark.parametrize(("past", "valid"), [(0.0, True), (1e-6, False), (1.0, False)])
+def test_a_single_sample_beyond_the_longest_run_makes_it_invalid(past: float, valid: bool) -> None:
+    runner = Runner(hanging_bob(), until=Until.of(0.4), worker=Worker(isolate=False))
+    engine = _TooLong(timestep=0.1)
+    object.__setattr__(engine, "last", runner.solution.problem.duration + past)
+    if valid:
+        assert runner.simulate(engine).t[-1] == runner.solution.problem.duration
+    else:
+        with pytest.raises(tb.SimulationError, match="it goes on to"):
+            runner.simulate(engine)
 
 
 def test_without_an_end_a_motion_that_throws_nothing_is_compared_all_the_same() -> None:

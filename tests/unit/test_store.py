@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import plugin_engines
 import pytest
 import trebucheck as tb
 from trebucheck.cli.app import main
@@ -292,6 +293,23 @@ def test_the_settings_of_an_engine_are_among_the_conditions() -> None:
         conditions("12"),
     }
     assert len(all_conditions) == 5
+
+
+def test_a_preset_is_a_condition_where_it_may_decide_more_than_the_settings_tell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a plug-in; settings of a built-in engine are all of it."""
+    plugin_engines.announce(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    tuned, stock = (plugin_engines.Echo(preset=preset) for preset in ("tuned", "stock"))
+    assert tuned.settings == stock.settings
+    assert conditions(engine=tuned) != conditions(engine=stock)
+    own, same = (
+        tb.engine("reference"),
+        tb.engine("reference", "stock", **tb.engine("reference").settings),
+    )
+    assert own.preset != same.preset and own.settings == same.settings
+    assert conditions(engine=own) == conditions(engine=same)
 
 
 @pytest.mark.parametrize("lost", [None, "runs/fixed-reference-tuned.json"])

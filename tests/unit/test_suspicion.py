@@ -330,6 +330,18 @@ def test_only_what_may_be_listed_is_measured() -> None:
     assert asked == [f"cause {k}" for k in range(6)] + ["close"]
 
 
+@pytest.mark.parametrize(("share", "is_measured"), [(0.048, False), (0.0495, True), (0.3, True)])
+def test_while_the_list_has_room_all_that_tell_something_are_measured(
+    share: float, is_measured: bool
+) -> None:
+    """Whose rough share may be a twentieth; it is known to a thousandth."""
+    rough = [("best", 0.9999, 0.9999), *((f"{k}", 0.5, 0.5) for k in range(4))]
+    estimates, asked = _estimates(*rough, ("last", share, 0.06))
+    listed = ranked(measured(estimates[:-2] + estimates[-1:]))[0]
+    assert ("last" in asked) == is_measured == ("last" in [cause.name for cause in listed])
+    assert len(asked) == 4 + is_measured
+
+
 def test_what_decides_how_many_are_named_is_measured() -> None:
     """Eight suspects of the same effect.
 
