@@ -41,7 +41,10 @@ report: $(VENV)/installed
 	$(BIN)/trebucheck compare --out report || test $$? -eq 1  # 1: some run disagrees, as stock presets do; the report says which
 	@test -n "$$CI$$SSH_CONNECTION" || $(OPEN) report/report.html >/dev/null 2>&1 || true
 
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+# Plug-ins by name: of a distribution that announces one, pytest would rewrite the assertions of every module, and
+# without bytecode of tests anew in each process.
+PLUG_INS := --disable-plugin-autoload -p xdist -p _hypothesis_pytestplugin -p trebucheck.conformance.plugin
+PYTEST := $(BIN)/python -m pytest $(PLUG_INS) -n 2 --dist loadfile --no-loadscope-reorder
 # One thread of BLAS a process: matrices are small, and threads that wait for work take a core each.
 test: $(VENV)/installed
 	HYPOTHESIS_PROFILE=few OPENBLAS_NUM_THREADS=1 $(PYTEST) -m "not again"

@@ -82,9 +82,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """The garbage collector need not go through all tests again and again."""
+    """The garbage collector need not go through all tests, neither now nor again and again."""
     gc.enable()
-    gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 25, 25)
 

@@ -16,7 +16,7 @@ from page_checks import DESKTOP
 from trebucheck.comparisons.report import html
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, BrowserContext, Page
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -70,13 +70,19 @@ def written(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Calla
 
 
 @pytest.fixture(scope="session")
-def show(browser: Browser) -> Iterator[Callable[[Path], Opened]]:
+def windows(browser: Browser) -> Iterator[BrowserContext]:
+    """What all windows share: another profile takes as long to start as a page to be checked."""
+    context = browser.new_context(viewport=DESKTOP)  # type: ignore[arg-type]
+    yield context
+    context.close()
+
+
+@pytest.fixture(scope="session")
+def show(windows: BrowserContext) -> Callable[[Path], Opened]:
     """Opens a file in a window of its own."""
-    contexts: list[Any] = []
 
     def opened(path: Path) -> Opened:
-        contexts.append(browser.new_context(viewport=DESKTOP))  # type: ignore[arg-type]
-        page = contexts[-1].new_page()
+        page = windows.new_page()
         found = Opened(page, path.stat().st_size)
         page.on("console", lambda said: found.complaints.append(f"{said.type}: {said.text}"))
         page.on("pageerror", lambda error: found.complaints.append(str(error)))
@@ -91,9 +97,7 @@ def show(browser: Browser) -> Iterator[Callable[[Path], Opened]]:
         page.goto(path.as_uri())
         return found
 
-    yield opened
-    for context in contexts:
-        context.close()
+    return opened
 
 
 @pytest.fixture(scope="session")

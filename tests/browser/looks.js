@@ -91,8 +91,8 @@
     }
     return found;
   },
-  // Marks texts whose colours another has already: one of each kind is enough to judge contrast, which is dear.
-  mark_alike() {
+  // Marks one text of each kind of place and colour: that is enough to judge contrast, which is dear.
+  mark_kinds() {
     const seen = new Set(), kinds = new Map();
     const kind = (element) => {
       if (!element) return "";
@@ -104,8 +104,8 @@
       return kinds.get(element);
     };
     for (const element of document.body.querySelectorAll("*")) {
-      if (element.children.length) continue;
-      element.toggleAttribute("data-alike", seen.has(kind(element)));
+      if (element.children.length && ![...element.childNodes].some((node) => node.nodeType === Node.TEXT_NODE && node.data.trim())) continue;
+      element.toggleAttribute("data-kind", !seen.has(kind(element)));
       seen.add(kind(element));
     }
     return seen.size;

@@ -6,6 +6,7 @@ What is drawn is where the data say, and the controls move it.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -48,23 +49,26 @@ def _scene(mechanism: tb.Mechanism, duration: float, shift: float) -> Scene:
     return scene(solution.trajectory, looks, end=duration)
 
 
-SCENES = (
-    _scene(fixed(), 2.7, 1e-4),
-    _scene(hanging_bob(), 2.0, 1e-7),
-    _scene(everything(), 0.5, 1e-3),
-)
+@cache
+def _shown(index: int) -> Scene:
+    """One of the three scenes of the page."""
+    mechanism, duration, shift = (
+        (fixed, 2.7, 1e-4),
+        (hanging_bob, 2.0, 1e-7),
+        (everything, 0.5, 1e-3),
+    )[index]
+    return _scene(mechanism(), duration, shift)
 
 
 @pytest.fixture(scope="module")
-def window(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def window(windows: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """A window and the address of the scenes' page in it."""
     path = tmp_path_factory.mktemp("animation") / "scenes.html"
-    Animation(SCENES, "scenes").save(path)
-    context = browser.new_context(viewport=SIZE)
-    page = context.new_page()
+    Animation(tuple(map(_shown, range(3))), "scenes").save(path)
+    page = windows.new_page()
     page.add_init_script(SPY)
     yield page, path.as_uri()
-    context.close()
+    page.close()
 
 
 SIZE = {"width": 1000, "height": 900}
@@ -103,7 +107,7 @@ def _pixel(shown: Scene, point: np.ndarray, canvas: dict[str, float]) -> np.ndar
 @pytest.mark.parametrize("index", [0, 1])
 @pytest.mark.parametrize("factor", [1, 1000])
 def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, factor: int) -> None:
-    shown = SCENES[index]
+    shown = _shown(index)
     page.evaluate(f"{PLAYER}.choose({index}); {PLAYER}.magnify({factor})")
     for option in ("traces", "names"):
         page.uncheck(f".animation-{option}")
@@ -137,7 +141,7 @@ def test_a_run_s_marker_is_drawn_where_the_data_say(page: Any, index: int, facto
 
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_live_errors_are_the_data_s(page: Any, index: int) -> None:
-    shown = SCENES[index]
+    shown = _shown(index)
     assert len(shown.runs) > 0
     page.evaluate(f"{PLAYER}.choose({index})")
     for frame in (len(shown.t) // 3, len(shown.t) - 1):
@@ -153,7 +157,7 @@ def test_live_errors_are_the_data_s(page: Any, index: int) -> None:
 
 @pytest.mark.parametrize("index", [0, 2])
 def test_forces_are_those_of_the_solver_that_is_chosen(page: Any, index: int) -> None:
-    shown = SCENES[index]
+    shown = _shown(index)
     page.evaluate(f"{PLAYER}.choose({index}); {PLAYER}.magnify(1)")
     for option in ("traces", "names"):
         page.uncheck(f".animation-{option}")
@@ -209,9 +213,9 @@ def test_play_scrub_keys_and_events_move_the_drawing(page: Any) -> None:
     assert not page.evaluate(f"{PLAYER}.playing")
     time = page.evaluate(f"{PLAYER}.time")
     page.keyboard.press("ArrowRight")
-    assert page.evaluate(f"{PLAYER}.time") == pytest.approx(time + 0.005 * SCENES[0].t[-1])
+    assert page.evaluate(f"{PLAYER}.time") == pytest.approx(time + 0.005 * _shown(0).t[-1])
     page.locator(".animation-ticks button").first.click()
-    assert page.evaluate(f"{PLAYER}.time") == SCENES[0].events[0].time
+    assert page.evaluate(f"{PLAYER}.time") == _shown(0).events[0].time
     page.locator(".animation-bar input").fill("0.5")
     assert page.evaluate(f"{PLAYER}.time") == 0.5
     page.locator(".animation-magnify input").fill("3")
@@ -225,12 +229,13 @@ def test_nothing_leaves_the_screen(page: Any, width: int) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
-def test_an_svg_plays_in_a_browser(browser: Any, tmp_path: Path) -> None:
-    shown = SCENES[0]
+def test_an_svg_plays_in_a_browser(windows: Any, tmp_path: Path) -> None:
+    shown = _shown(0)
     Animation((shown,)).save(tmp_path / "motion.svg")
     stage = Stage(shown, 640)
     times = play_times(shown, animation._SVG_RATE)
-    page = browser.new_page(viewport={"width": 700, "height": 700})
+    page = windows.new_page()
+    page.set_viewport_size({"width": 700, "height": 700})
     page.goto((tmp_path / "motion.svg").as_uri())
     seen = "getComputedStyle(e).visibility == 'visible'"
     for k in (0, len(times) // 3, len(times) - 1):

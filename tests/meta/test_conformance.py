@@ -370,6 +370,7 @@ def run_pytest(
             monkeypatch.delenv(name)
         monkeypatch.chdir(folder)
         own = ["--rootdir", str(folder), "--import-mode", "importlib", "--capture", "no"]
+        own += ["--assert", "plain"]  # else each process rewrites all modules of trebucheck
         code = pytest.main([*load, "-p", "no:cacheprovider", *own, *arguments])
         return int(code), "".join(capsys.readouterr())
 

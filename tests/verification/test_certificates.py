@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trebucheck as tb
-from conftest import machine_parameters, machines
+from conftest import again, machine_parameters, machines
 from hypothesis import assume, given
 from mechanisms import angle_stop, everything, hanging_bob
 from trebucheck.models.problem import StopLaw
@@ -150,6 +150,7 @@ def test_a_computation_left_out_is_covered_by_the_others(committed: Certificate)
     assert max(ratios)[0] <= 1.0, max(ratios)
 
 
+@pytest.mark.parametrize("build", [tb.fixed, pytest.param(tb.rolling, marks=again)])
 @machines(2)
 @given(parameters=machine_parameters())
 def test_a_computation_left_out_is_covered_on_random_machines(

@@ -164,7 +164,7 @@ class Series(Spec):
 
 
 class Study(Reported, Spec):
-    """Results of all studies."""
+    """All of it."""
 
     format: str = FORMAT
     made: str = Field(description="date and time, ISO 8601")
