@@ -38,7 +38,7 @@ from trebucheck.comparisons.diagnosis.faults import (
     machine_suspects,
 )
 from trebucheck.comparisons.diagnosis.rank import Estimate
-from trebucheck.comparisons.diagnosis.readings import Reading
+from trebucheck.comparisons.diagnosis.readings import NO_MOTION, Reading
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
@@ -607,3 +607,87 @@ def test_a_fault_without_a_size_explains_what_its_best_reading_does() -> None:
     assert law.kind == "law" and tb.StopLaw.UNILATERAL.value in law.name
     assert law.explained == pytest.approx(0.25)
     assert _sizeless_share(solves=False).explained == 0.0
+
+
+# which suspects are asked for, in the order of their cost
+
+
+def _asked(
+    monkeypatch: pytest.MonkeyPatch,
+    rerun: bool = True,
+    told: frozenset[str] | None = None,
+    agrees: bool = False,
+    **shares: float,
+) -> tuple[list[str], list[str], int]:
+    """Kinds of suspects that were asked for, the listed ones, and how many of these are named.
+
+    Each kind has one suspect, which explains so much; one that is not given explains nothing.
+    """
+    asked: list[str] = []
+
+    def suspect(kind: str) -> list[RankedCause]:
+        asked.append(kind)
+        if kind == "reading" and "still" in shares:
+            return [RankedCause(name=NO_MOTION, kind="reading", explained=shares["still"])]
+        return [RankedCause(name=kind, kind="law", explained=shares.get(kind, 0.0))]
+
+    missing: Any = SimpleNamespace(kind="missing")
+    for function, kind in (
+        ("_reading_causes", "reading"), ("fitting_faults", "fitted"), ("_law_causes", "law"),
+        ("_gross_causes", "gross"), ("faults_at_the_same_motion", "same motion"),
+    ):  # fmt: skip
+        monkeypatch.setattr(diagnosing, function, lambda _, kind=kind: suspect(kind))
+    monkeypatch.setattr(diagnosing, "_outright_causes", lambda _: [])
+    monkeypatch.setattr(diagnosing, "missing_faults", lambda _: [missing])
+    monkeypatch.setattr(diagnosing, "_sizeless", lambda _, fault: suspect(fault.kind)[0])
+    monkeypatch.setattr(diagnosing, "_motion_agrees", lambda _: agrees)
+    monkeypatch.setattr(diagnosing, "_forces_deviate", lambda _: False)
+    case: Any = SimpleNamespace(told=told, mechanism=None, shares={})
+    again: Any = SimpleNamespace(causes=lambda _: suspect("again")) if rerun else None
+    listed, named = diagnosing._ranked_causes(case, again)
+    return asked, [cause.name for cause in listed], named
+
+
+FAULTS = ["reading", "fitted", "missing", "law"]
+
+
+def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless little is told, or the motion is right: then a load may explain it as well."""
+    assert _asked(monkeypatch, reading=0.9999) == (["reading"], ["reading"], 1)
+    assert _asked(monkeypatch, reading=0.9998)[0] == FAULTS
+    assert _asked(monkeypatch, reading=0.9999, told=frozenset())[0] == FAULTS
+    assert _asked(monkeypatch, reading=0.9999, agrees=True)[0] == ["reading", "same motion"]
+
+
+@pytest.mark.parametrize(
+    ("shares", "kinds", "named"),
+    [
+        ({"fitted": 0.99}, FAULTS, 1),
+        ({"fitted": 0.98}, [*FAULTS, "gross"], 1),  # it may be something worse
+        ({"gross": 0.96}, [*FAULTS, "gross"], 1),
+        ({"gross": 0.9}, [*FAULTS, "gross", "again"], 0),
+        ({"gross": 0.9, "again": 0.99}, [*FAULTS, "gross", "again"], 1),
+    ],
+)
+def test_the_next_kind_of_suspects_is_asked_for_where_the_last_explains_too_little(
+    shares: dict[str, float], kinds: list[str], named: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, _, how_many = _asked(monkeypatch, **shares)
+    assert asked == kinds and how_many == named
+    asked, _, _ = _asked(monkeypatch, rerun=False, **shares)
+    assert asked == [kind for kind in kinds if kind != "again"]
+
+
+def test_where_nothing_moves_what_is_missing_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _asked(monkeypatch, still=0.95)[0] == [*FAULTS, "missing", "gross"]
+    assert _asked(monkeypatch, still=0.9999)[0] == ["reading", "missing", "gross"]
+    assert _asked(monkeypatch, still=0.94)[0] == [*FAULTS, "gross", "again"]
+
+
+def test_what_no_suspect_explains_at_the_right_motion_is_a_reading(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, listed, named = _asked(monkeypatch, agrees=True, reading=0.5)
+    assert named == 1 and listed[0].startswith("reading of the")
+    _, listed, named = _asked(monkeypatch, agrees=False, reading=0.5)
+    assert named == 0 and listed == ["reading"]
