@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+import trebucheck as tb
+from mechanisms import hanging_bob
 from trebucheck.reference.certification.certificate import Computation
-from trebucheck.reference.certification.certify import Key, judge
+from trebucheck.reference.certification.certify import Key, _problem, judge
 
 EPSILON = 2.0**-52
 
@@ -66,3 +68,11 @@ def test_what_a_computation_does_not_have_is_not_known() -> None:
 def test_one_computation_alone_certifies_nothing() -> None:
     values = {RUNG: 1.0, TIGHT: 1.0}
     assert judge({TIME: values}, COMPUTATIONS[:2]) == {}
+
+
+@pytest.mark.parametrize("duration", [0.15, 0.9, 1.0, 2.5, 9.9])
+def test_a_given_duration_is_read_at_ten_to_a_hundred_instants(duration: float) -> None:
+    problem, plan = _problem(hanging_bob(), duration, tb.StopLaw.RELEASE_ONCE)
+    assert problem.duration == duration
+    assert 10 <= duration / plan.step * (1 + EPSILON) < 100
+    assert not plan.launches
