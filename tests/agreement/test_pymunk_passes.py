@@ -19,7 +19,7 @@ from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.leapfrog import _step_to  # pyright: ignore[reportPrivateUsage]
 from trebucheck.engines.pymunk.passes import TRACKED, convergence, growth
-from trebucheck.models.elements import GROUND, PrismaticJoint, SlotJoint
+from trebucheck.models.elements import GROUND, FreeJoint, PrismaticJoint, SlotJoint
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
@@ -76,6 +76,17 @@ def test_passes_leave_what_the_matrices_say() -> None:
         left = float(np.linalg.norm(space.rates[0, :2]))
         assert left == pytest.approx(math.cos(slight) ** (2 * passes - 1), rel=1e-6)
         assert found.left_after(passes) == pytest.approx(left, rel=1e-6)
+
+
+def test_where_nothing_is_constrained_one_pass_leaves_nothing() -> None:
+    body = Body(name="stone", angle="a", mass=2.0, centre=(0.0, 0.0), inertia=0.1)
+    free = FreeJoint(
+        name="none", parent=GROUND, child="stone", parent_point=(0, 0), child_point=(0, 0),
+        coordinates=("x", "y"),
+    )  # fmt: skip
+    stone = Mechanism(name="stone", bodies=(body,), joints=(free,), gravity=9.81, start=(0, 0, 0))
+    found = convergence(build(stone, (), 0.0, 1.0))
+    assert found.left_after(1) == 0.0 and found.passes_to(1e-12) == 1
 
 
 @pytest.mark.parametrize("share", [0.5, TRACKED, 1e-12])
