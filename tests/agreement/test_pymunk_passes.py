@@ -13,7 +13,7 @@ import trebucheck as tb
 
 pytest.importorskip("pymunk")
 
-from mechanisms import pin
+from mechanisms import four_bar, parallel_cranks, pin
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.pymunk.build import build
@@ -76,6 +76,26 @@ def test_passes_leave_what_the_matrices_say() -> None:
         left = float(np.linalg.norm(space.rates[0, :2]))
         assert left == pytest.approx(math.cos(slight) ** (2 * passes - 1), rel=1e-6)
         assert found.left_after(passes) == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "mechanism", [four_bar(), parallel_cranks(2)], ids=lambda mechanism: mechanism.name
+)
+def test_passes_change_each_speed_as_the_matrices_say(mechanism: Mechanism) -> None:
+    """What no joint holds stays; of the rest, weighted by roots of masses, Q^n is left."""
+    assembly = build(mechanism, (), 0.0, 1.0)
+    found = convergence(assembly)
+    weights = np.sqrt([[body.mass, body.mass, body.moment] for body in assembly.bodies]).ravel()
+    places = [(body.position, body.angle) for body in assembly.bodies]
+    push = np.random.default_rng(7).normal(size=(len(assembly.bodies), 3))
+    before = push.ravel() * weights
+    held = found.basis.T @ before
+    for passes in (1, 4):
+        again = build(mechanism.model_copy(update={"gravity": 0.0}), (), 0.0, 1.0)
+        _step_to(again, places, push, 1e-7, passes)
+        left = np.linalg.matrix_power(found.one_pass, passes) @ held
+        expected = before + found.basis @ (left - held)
+        assert again.rates.ravel() * weights == pytest.approx(expected, abs=1e-5)
 
 
 def test_where_nothing_is_constrained_one_pass_leaves_nothing() -> None:
