@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.runner import reference_uncertainties
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.reference.certification.certificate import (
     Uncertainties,
+    _events,
     estimate_uncertainty,
     refusal,
 )
@@ -33,6 +37,30 @@ def test_subjects_fall_back_on_the_metric() -> None:
     assert known.of("position_max", "counterweight") == 1e-11
     assert known.of("release_time", "sling rest") == 1e-13
     assert known.of("release_time", "hanger rest") is None
+
+
+def test_events_are_as_uncertain_as_two_solutions_differ_whichever_is_the_later() -> None:
+    fine, coarse = (
+        SimpleNamespace(
+            release_times={"first": 1.0 - late, "second": 2.0 + 3 * late, "never": None},
+            launch=SimpleNamespace(time=2.5 - 2 * late),
+        )
+        for late in (0.0, 1e-6)
+    )
+    found: list[dict[str, float]] = []
+    for pair in ((fine, coarse), (coarse, fine)):
+        solutions: Any = pair
+        found.append(_events(*solutions, 3.0))
+    assert found[0] == found[1]
+    assert set(found[0]) == {
+        "release_time", "release_time (first)", "release_time (second)", "launch_time",
+    }  # fmt: skip
+    assert all(value >= 3e-6 for value in found[0].values())
+    alone: Any = SimpleNamespace(release_times={"first": None}, launch=None)
+    known: Any = SimpleNamespace(release_times={"first": 1.0}, launch=None)
+    assert _events(alone, known, 3.0) == _events(known, alone, 3.0)
+    assert _events(alone, known, 3.0)["release_time (first)"] == 3.0
+    assert _events(alone, alone, 3.0) == {}
 
 
 def test_a_launch_at_the_end_of_the_compared_motion_has_an_uncertainty_of_its_own() -> None:

@@ -6,13 +6,21 @@ The library wherever a machine is.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.models.library.benchmark import swing, swing_period, turn, turn_period
+from trebucheck.models.library.benchmark import (
+    passage,
+    period,
+    swing,
+    swing_period,
+    turn,
+    turn_period,
+)
 from trebucheck.models.library.linkages import SqueezerParameters
 from trebucheck.models.library.pendulums import HighPendulumParameters
 from trebucheck.models.library.registry import benchmark, benchmarks
@@ -76,6 +84,32 @@ def test_a_wrong_figure_is_seen() -> None:
     shorter = entry.parameters(length=1.0 - 1e-11)
     figures = ProblemCheck(entry, shorter, check(entry).motion).figures
     assert [each.holds for each in figures] == [False, False]
+
+
+class _Clock:
+    """A motion whose only quantity is the time; nothing is met."""
+
+    impacts, rest_times = (), {}
+
+    def trajectory(self, t: np.ndarray) -> Any:
+        return t
+
+
+@pytest.mark.parametrize("level", [250.0, 250.3])  # 500 samples of 499 s: at one of them, between
+def test_a_level_is_passed_once_where_a_sample_is_on_it_and_where_none_is(level: float) -> None:
+    motion: Any = _Clock()
+    assert passage(np.asarray, level, 499.0)(motion) == pytest.approx(level, abs=1e-12)
+    falling = passage(lambda t: -np.asarray(t), -level, 499.0)
+    assert falling(motion) == pytest.approx(level, abs=1e-12)
+    with pytest.raises(tb.SimulationError, match="is passed 1 times by t = 499 s, not 2"):
+        passage(np.asarray, level, 499.0, 2)(motion)
+
+
+def test_passages_and_periods_of_a_sine() -> None:
+    motion: Any = _Clock()
+    sine = passage(np.sin, 0.5, 20.0, 4)
+    assert sine(motion) == pytest.approx(2 * math.pi + 5 * math.pi / 6, abs=1e-12)
+    assert period(lambda t: np.sin(2.5 * t), 0.5, 20.0)(motion) == pytest.approx(0.8 * math.pi)
 
 
 def test_the_period_close_to_the_highest_position_by_taylor_series() -> None:

@@ -5,6 +5,7 @@ of any size.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,6 +105,25 @@ def test_the_time_does_not_depend_on_where_the_sum_begins(
     # The sum errs by the cube of what remains: some 1e-3 of the motion's own time, and less.
     assert rests[0] == pytest.approx(rests[1], abs=1e-8)
     assert rests[1] == pytest.approx(rests[2], abs=1e-10)
+
+
+@pytest.mark.parametrize("e", [0.3, 0.6, 0.9])
+def test_what_is_summed_is_as_short_whatever_the_restitution(
+    monkeypatch: pytest.MonkeyPatch, e: float
+) -> None:
+    """Up to 2e-4 of the time in which gravity makes the greatest speed; one rebound more is not."""
+    summed: list[float] = []
+    remaining = bouncing.Bouncing._remaining
+
+    def noted(*given: Any) -> float:
+        summed.append(remaining(*given))
+        return summed[-1]
+
+    monkeypatch.setattr(bouncing.Bouncing, "_remaining", noted)
+    parameters, motion = _bouncing(restitution=e)
+    assert len(summed) == len(motion.rest_times["floor"]) == 1
+    longest = 2e-4 * parameters.speed / parameters.g
+    assert e * longest < summed[0] <= longest
 
 
 def test_a_tiny_mechanism_bounces_like_a_large_one() -> None:

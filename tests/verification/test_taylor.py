@@ -258,6 +258,8 @@ def test_a_batch_is_its_machines_one_by_one(build: Build) -> None:
     batch = launch_batch(machines, duration=3.5)
     assert not batch.launched[-1] and np.isnan(batch.time[-1]) and np.isnan(batch.speed[-1])
     assert batch.launched[:-2].all()
+    alone = launch_batch(machines[:1], duration=3.5)
+    assert alone.time == pytest.approx(batch.time[:1], abs=1e-11)
     for i, machine in enumerate(machines):
         figures = taylor_quantities(tb.Problem(machine, duration=3.5), "double", tolerance=1e-12)
         assert batch.launched[i] == (figures.launch_time is not None)

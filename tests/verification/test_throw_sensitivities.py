@@ -5,6 +5,8 @@ throws themselves.
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from mechanisms import parallel_cranks
 from trebucheck.models.elements import RotationalSpringDamper, SpringDamper
 from trebucheck.models.library.registry import benchmark, model
 from trebucheck.models.mechanism import Marker, Mechanism
-from trebucheck.reference.sensitivity.release import physical_numbers, sensitivities_of
+from trebucheck.reference.sensitivity.release import _landing, physical_numbers, sensitivities_of
 from trebucheck.reference.throw.throw import Performance, Sensitivity, perform
 
 STEP = 1e-3
@@ -130,3 +132,33 @@ def test_numbers_that_would_tear_redundant_loops_are_sentences() -> None:
         "place of head 1 on" in sentence and "lock the mechanism" in sentence
         for sentence in sentences
     )
+
+
+def _landed(values: np.ndarray) -> float:
+    """Landing place of a parabola from x, y, vx, vy, g on the level -1 m, by the school formula."""
+    x, y, vx, vy, g = values
+    return float(x + vx * (vy + math.sqrt(vy * vy + 2 * g * (y + 1.0))) / g)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [(0.3, 4.0, 7.0, 5.0, 9.81), (-2.0, 0.5, -3.0, -4.0, 1.0), (1.0, -0.99, 2.0, 0.3, 1.62)],
+)
+def test_landing_and_its_derivatives(values: tuple[float, ...]) -> None:
+    numbers, step = np.array(values), 1e-6
+    point: Any = SimpleNamespace(position=numbers[:2], velocity=numbers[2:4])
+    along = np.random.default_rng(3).normal(size=(4, 5))
+    parts = along[:, :2], along[:, 2:4], float(numbers[4]), along[:, 4]
+    landing, slopes = _landing(point, *parts, -1.0)
+    assert landing == pytest.approx(_landed(numbers), rel=1e-14)
+    differences = [(_landed(numbers + step * d) - _landed(numbers - step * d)) / (2 * step)
+                   for d in along]  # fmt: skip
+    assert slopes == pytest.approx(differences, rel=1e-7)
+
+
+def test_what_never_comes_down_to_the_ground_has_no_landing() -> None:
+    along, none = np.ones((2, 2)), np.zeros(2)
+    for height, gravity in ((-3.0, 9.81), (2.0, 0.0)):
+        point: Any = SimpleNamespace(position=(0.0, height), velocity=(1.0, 2.0))
+        landing, slopes = _landing(point, along, along, gravity, none, 0.0)
+        assert math.isnan(landing) and np.isnan(slopes).all()
