@@ -14,6 +14,7 @@ import pytest
 from conftest import again
 from mechanisms import (
     TABLE_ONE,
+    chain,
     four_bar,
     hanging_bob,
     position_error,
@@ -22,8 +23,9 @@ from mechanisms import (
     table_one_motion,
 )
 from trebucheck.engines.exudyn.engine import ExudynEngine
-from trebucheck.models.elements import Stop
+from trebucheck.models.elements import PointStop, Stop
 from trebucheck.models.errors import InputError, SimulationError, UnsupportedProblemError
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.library.trebuchet import (
     HANGER_REST,
     SLING_REST,
@@ -33,12 +35,14 @@ from trebucheck.models.library.trebuchet import (
 )
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("exudyn")
 
 from trebucheck.engines.exudyn.build import build
+from trebucheck.engines.exudyn.motion import ExudynMotion
 from trebucheck.engines.exudyn.solver import Solver, is_at
 
 ONE = Stop(name="one", body="upper", sense=-1, limit=-0.5, closed=True)
@@ -344,3 +348,53 @@ def test_a_step_without_iterations_is_of_second_order() -> None:
         assert np.ravel(solver.coordinates(first)) == pytest.approx([0.3, 1.5], abs=1e-12)
         errors.append(np.ravel(solver.coordinates(last)) - [right.q[1, 0], right.u[1, 0]])
     assert np.abs(errors[0] / errors[1]) == pytest.approx(8.0, rel=0.15)
+
+
+def test_gaps_by_the_bodies_sensors_are_those_of_the_coordinates() -> None:
+    """With their speeds and accelerations: of angles and points, from the ground and from a body.
+
+    Stops are so far open that none acts.
+    """
+    stops = (
+        Stop(name="angle", body="upper", sense=-1, limit=-9.0, closed=False),
+        Stop(name="between", body="lower", relative_to="upper", sense=1, limit=-9.0, closed=False),
+        PointStop(
+            name="floor", body="lower", point=(0.3, -0.8), normal=(0.6, 0.8), offset=-9.0,
+            closed=False,
+        ),
+        PointStop(
+            name="shelf", body="lower", relative_to="upper", point=(0.2, 0.7), normal=(-0.8, 0.6),
+            offset=-9.0, closed=False,
+        ),
+    )  # fmt: skip
+    problem = Problem(chain(*stops), 0.1, stop_law=StopLaw.UNILATERAL)
+    motion, kinematics = ExudynMotion(problem, ExudynEngine()), Kinematics(problem.mechanism)
+    q, u = (np.array(x) for x in (problem.mechanism.start, problem.mechanism.start_speeds))
+    a, _ = Equations(problem.mechanism).solve(q, u, ())
+    balance = motion.solver.balance(motion.now, ())
+    values = motion.solver.values(balance.row)
+    for stop in stops:
+        constraint, row = (
+            motion.system.constraints[stop.name],
+            kinematics.gap_jacobian(stop.name, q),
+        )
+        right = float(row @ a) + float(kinematics.gap_bias(stop.name, q, u))
+        assert constraint.gap(values) == pytest.approx(float(kinematics.gap(stop.name, q)))
+        assert constraint.gap_speed(values) == pytest.approx(float(row @ u))
+        assert motion._opening(stop.name, balance) == pytest.approx(right, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("steps", "wanted", "rows", "kept"),
+    [(5, 4.3, 6, 4), (5, 3.4, 6, 4), (5, 3.0, 4, 4), (5, 9.0, 6, 6), (1, 0.6, 2, 1), (1, 0, 1, 1)],
+)
+def test_steps_onto_an_event_begin_two_steps_back(
+    steps: int, wanted: float, rows: int, kept: int
+) -> None:
+    """Whole steps before are as they were; beyond the last one is no event."""
+    step = 1e-3
+    motion = ExudynMotion(Problem(rod_pendulum(start=0.3), 0.1), ExudynEngine(timestep=step))
+    table = motion._run(steps * step, None)
+    time, cut = motion._onto(table, lambda _: wanted * step)
+    assert time == pytest.approx(min(wanted, steps) * step, abs=1e-12) and cut[-1, 0] == time
+    assert len(cut) == rows and np.array_equal(cut[:kept], table[:kept])

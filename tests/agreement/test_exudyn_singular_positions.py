@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from mechanisms import pin, slider_crank
 from trebucheck.engines.exudyn.engine import ExudynEngine
-from trebucheck.models.elements import GROUND, SlotJoint
+from trebucheck.models.elements import GROUND, SlotJoint, Stop
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.reference.solver import solve
@@ -165,3 +166,24 @@ def test_steps_to_a_singular_position_follow_from_the_last_two(
     conditioning = Conditioning(_Passing(0.0))
     conditioning.begin(np.array([20.0]))
     assert conditioning.steps_ahead(np.array(values)[:, None]) == pytest.approx(ahead)
+
+
+def test_without_drift_a_state_is_the_nearest_on_its_loops_and_stops() -> None:
+    """Speeds that these hold are gone, all others are as before."""
+    stop = Stop(name="stop", body="crank", sense=1, limit=0.0, closed=True)
+    mechanism = slider_crank(tilt=0.2)
+    stop = stop.model_copy(update={"limit": mechanism.start[0]})
+    for stops in ((), (stop,)):
+        kinematics = Kinematics(mechanism.model_copy(update={"stops": stops}))
+        constraints = LoopConstraints(kinematics, tuple(stop.name for stop in stops))
+        drift, speeds = np.array([1e-4, -2e-4]), np.array([0.7, -1.9])
+        q, u = constraints.projected(np.array(mechanism.start) + drift, speeds)
+        gaps = [kinematics.gap(stop.name, q) for stop in stops]
+        assert [*kinematics.loop_residual(q), *gaps] == pytest.approx(
+            np.zeros(1 + len(stops)), abs=1e-13
+        )
+        rows = constraints.jacobian(q)
+        free = np.eye(2) - np.linalg.pinv(rows) @ rows
+        assert rows @ u == pytest.approx(np.zeros(len(rows)), abs=1e-13)
+        assert free @ u == pytest.approx(free @ speeds, abs=1e-13)
+        assert free @ (q - mechanism.start) == pytest.approx(free @ drift, abs=1e-6)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import parallel_cranks, rods_on_a_slot
+from mechanisms import four_bar, parallel_cranks, rods_on_a_slot
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.models.elements import GROUND, PrismaticJoint, SlotJoint
@@ -89,3 +89,11 @@ def test_redundant_joints_that_drift_do_not_spoil_the_reactions_of_exudyn() -> N
     assert (
         np.abs(run.joint_reaction("loop 0") - there.joint_reaction("loop 0")).max() < 1e-3 * largest
     )
+
+
+def test_three_parallel_cranks_are_redundant_and_loops_that_hold_one_motion_are_not() -> None:
+    pytest.importorskip("exudyn")
+    from trebucheck.engines.exudyn.build import build
+
+    assert [build(parallel_cranks(n)).redundant for n in (2, 3)] == [False, True]
+    assert not build(four_bar()).redundant and not build(tb.fixed()).redundant

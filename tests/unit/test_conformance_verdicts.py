@@ -6,8 +6,9 @@ from typing import Any, cast
 
 import pytest
 from trebucheck.comparisons.runs.results import Metric, Run
+from trebucheck.conformance.certificate import _check_row, _problem_rows
 from trebucheck.conformance.suite import judgement
-from trebucheck.conformance.verdicts import CheckState
+from trebucheck.conformance.verdicts import CheckState, CheckVerdict
 
 NO_RUN = cast(Run, None)  # only a broken check asks it for a cause
 
@@ -43,3 +44,42 @@ def test_one_metric_without_tolerance_among_others_that_hold_is_no_success() -> 
     assert judgement([held], NO_RUN).state is CheckState.KEPT
     verdict = judgement([held, bare], NO_RUN)
     assert verdict.state is CheckState.NOT_JUDGED and "end" in verdict.text
+
+
+# rows of the certificate
+
+
+def _verdict(check: str, state: CheckState, **more: Any) -> CheckVerdict:
+    return CheckVerdict(id=f"own/tuned/fixed/{check}", state=state, **more)
+
+
+POSITION = {"error": 2e-4, "tolerance": 5e-4, "unit": "m", "source": "default: of 3 m"}
+
+
+def test_a_row_shows_error_and_tolerance_where_there_are_any_and_why() -> None:
+    def cells(check: str, state: CheckState, **more: Any) -> list[str]:
+        row = _check_row(_verdict(check, state, **more))
+        return [cell.text for cell in row.cells]
+
+    found = cells("position", CheckState.KEPT, **POSITION)
+    assert found[:2] == ["own/tuned/fixed/position", "kept"]
+    assert [float(text) for text in found[2:4]] == [2e-4, 5e-4]
+    assert found[4:] == ["m", "default: of 3 m"]
+    assert cells("runs", CheckState.BROKEN, text="it fails") == [
+        "own/tuned/fixed/runs", "broken", "", "", "", "it fails",
+    ]  # fmt: skip
+
+
+def test_a_row_of_a_problem_counts_what_was_judged_and_shows_the_worst() -> None:
+    verdicts = (
+        _verdict("runs", CheckState.KEPT, wall_time=1.5),
+        _verdict("position", CheckState.KEPT, **POSITION),
+        _verdict("velocity", CheckState.BROKEN, **POSITION | {"error": 1e-3}),
+        _verdict("energy", CheckState.SKIPPED, text="no such event"),
+    )
+    (row,) = _problem_rows(verdicts)
+    found = [cell.text for cell in row.cells]
+    assert found == ["own/tuned", "fixed", "2/3", "velocity", "2", "1.50", "broken"]
+    (row,) = _problem_rows(verdicts[3:])
+    found = [cell.text for cell in row.cells]
+    assert found == ["own/tuned", "fixed", "", "", "", "", "skipped: no such event"]

@@ -38,6 +38,7 @@ from trebucheck.comparisons.diagnosis.faults import (
     machine_suspects,
 )
 from trebucheck.comparisons.diagnosis.rank import Estimate
+from trebucheck.comparisons.diagnosis.readings import Reading
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
@@ -364,11 +365,12 @@ def test_a_start_is_right_up_to_roundings_of_its_size(monkeypatch: pytest.Monkey
 
 
 def test_the_place_of_a_stop_is_read_off_in_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
-    gaps = {"hanger rest": -0.01, "sling rest": 0.9 * EXACT, "arm stop": 4.0}
-    assert _shown(monkeypatch, gaps=gaps) == [
-        ("place of the hanger rest", "-0.573 deg", 0.992),
-        ("place of the arm stop", "", 0.992),  # more than half a turn says nothing
-    ]
+    for sign, shown in ((-1, "-"), (1, "+")):
+        gaps = {"hanger rest": sign * 0.01, "sling rest": 0.9 * EXACT, "arm stop": sign * 4.0}
+        assert _shown(monkeypatch, gaps=gaps) == [
+            ("place of the hanger rest", f"{shown}0.573 deg", 0.992),
+            ("place of the arm stop", "", 0.992),  # more than half a turn says nothing
+        ]
 
 
 @pytest.mark.parametrize("torque", [{}, {"sling rest": 0.0}, {"sling rest": None}])
@@ -509,3 +511,99 @@ def test_a_rough_share_is_known_to_ten_times_what_the_reference_loses(
     )  # fmt: skip
     found = vars(Case)["rough_error"].func(case)
     assert found == (None if error is None else pytest.approx(error))
+
+
+# sizes of mistakes in reading
+
+
+def _read(deviation: np.ndarray, *wrong: np.ndarray, **reading: Any) -> list[tuple[float, str]]:
+    """Share and size of the reading whose signatures these are; its name is 'read'."""
+    case: Any = SimpleNamespace(deviation=deviation, signature=np.asarray)
+    one: Any = Reading("read", wrong, **reading)  # type: ignore[arg-type]
+    found = list(diagnosing._fitted(case, [one]))
+    assert all((cause.name, cause.kind) == ("read", "reading") for cause in found)
+    return [(cause.explained, cause.amount) for cause in found]
+
+
+def _told(factors: Sequence[float]) -> str:
+    return " ".join(f"{factor:.4g}" for factor in factors)
+
+
+def test_a_mistake_without_a_size_is_not_fitted() -> None:
+    assert _read(4.0 * FORM, FORM) == [(pytest.approx(0.25), "")]
+    assert _read(FORM, 3.0 * FORM) == [(pytest.approx(-1.0), "")]
+
+
+def test_mistakes_of_one_or_several_numbers_are_fitted() -> None:
+    assert _read(4.0 * FORM, FORM, text=_told) == [(pytest.approx(1.0), "4")]
+    both = 4.0 * FORM - 2.0 * CURVE
+    assert _read(both, FORM, CURVE, text=_told) == [(pytest.approx(1.0), "4 -2")]
+
+
+@pytest.mark.parametrize(("least", "listed"), [(-3.0, True), (-2.0, True), (-1.9, False)])
+def test_a_size_that_makes_no_sense_is_no_mistake(least: float, listed: bool) -> None:
+    assert bool(_read(-2.0 * FORM, FORM, text=_told, least=least)) == listed
+
+
+def test_what_does_not_explain_the_deviation_is_no_mistake() -> None:
+    assert not _read(np.cross(FORM, CURVE), 0.0 * FORM, text=_told, least=-1.0)
+
+
+def test_a_size_without_a_linear_effect_is_corrected_by_what_it_explains() -> None:
+    """An effect of f^(3/2): four sizes, each by the secant through zero; the best is kept."""
+    sizes: list[float] = []
+
+    def at(factor: float) -> np.ndarray:
+        sizes.append(factor)
+        return factor * abs(factor) ** 0.5 * FORM
+
+    ((share, told),) = _read(8.0 * FORM, FORM, text=_told, at=at)
+    expected = [8.0]
+    while len(expected) < 4:
+        expected.append(8.0 / expected[-1] ** 0.5)
+    assert sizes == pytest.approx(expected)
+    assert share == pytest.approx(1 - abs(1 - expected[-1] ** 1.5 / 8.0))
+    assert told == f"{expected[-1]:.4g}"
+
+
+def test_a_size_is_corrected_as_far_as_it_makes_sense() -> None:
+    """The first leads to none: it is kept with its share. Where there is none, it is no mistake."""
+    ((share, told),) = _read(
+        4.0 * FORM, FORM, text=_told, at=lambda f: 3.0 * FORM if f < 4.5 else None
+    )
+    assert (share, told) == (pytest.approx(0.75), "4")
+    assert not _read(4.0 * FORM, FORM, text=_told, at=lambda _: None)
+
+
+# faults without a size
+
+
+def _sizeless_share(*signatures: np.ndarray, fault: Any = None, solves: bool = True) -> RankedCause:
+    """A cause with the signatures of its motion as an engine with the fault and others read it."""
+    solved: list[Any] = []
+
+    def solve_it(wrong: Any, tolerance: float) -> Any:
+        solved.append(wrong)
+        assert tolerance == FINE
+        return SimpleNamespace(motion=lambda t: f"at {t}") if solves else None
+
+    case: Any = SimpleNamespace(
+        deviation=4.0 * FORM, t="t", rough_error=None, solved=solve_it,
+        seen=lambda _, motion: signatures if motion == "at t" else (),
+    )  # fmt: skip
+    case.estimated = lambda cause, share: Case.estimated(case, cause, share)
+    wrong: Any = fault or Fault("fault", "machine", (), "fault", lambda _: "equations")  # type: ignore[arg-type,return-value]
+    found = diagnosing._sizeless(case, wrong)
+    assert isinstance(found, RankedCause) and solved == [fault or "equations"]
+    return found
+
+
+def test_a_fault_without_a_size_explains_what_its_best_reading_does() -> None:
+    for signatures in ((3.0 * FORM, FORM), (FORM, 3.0 * FORM)):
+        found = _sizeless_share(*signatures)
+        assert (found.name, found.kind) == ("fault", "machine")
+        assert found.explained == pytest.approx(0.75)
+    law = _sizeless_share(FORM, FORM, fault=tb.StopLaw.UNILATERAL)
+    assert law.kind == "law" and tb.StopLaw.UNILATERAL.value in law.name
+    assert law.explained == pytest.approx(0.25)
+    assert _sizeless_share(solves=False).explained == 0.0

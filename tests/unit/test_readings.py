@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 import pytest
@@ -14,8 +14,12 @@ import trebucheck as tb
 from mechanisms import everything, hanging_bob, rods_on_a_slot, scaled
 from trebucheck.comparisons.diagnosis.readings import (
     Reading,
+    _conventions,
+    _forces,
     _kinetic_mistakes,
     _known_points,
+    _markers,
+    _orders,
     _scale_text,
     all_readings,
     partly_late_readings,
@@ -44,9 +48,17 @@ def _moved() -> tuple[Solution, Trajectory]:
     return solution, solution.trajectory(np.linspace(0.0, END, 25))
 
 
-def _readings(recorded: Trajectory | None = None) -> list[Reading]:
+@cache
+def _readings() -> tuple[Reading, ...]:
     solution, right = _moved()
-    return list(all_readings(solution, right, recorded or right, STEP))
+    return tuple(all_readings(solution, right, right, STEP))
+
+
+def _read_back(recorded: Trajectory) -> list[Reading]:
+    """The readings that give what was recorded, of those that depend on it."""
+    several = (_forces, _markers, _orders, _conventions)
+    found = chain.from_iterable(readings(_moved()[1], recorded) for readings in several)
+    return [reading for reading in found if _same(reading.wrong[0], recorded)]
 
 
 def _named(name: str) -> Reading:
@@ -95,30 +107,28 @@ def _convention(frame: bool, sign: int, unit: float, zero: str, of: str) -> Mist
     return mistaken
 
 
-def _conventions() -> Iterator[object]:
+WORDS = (
+    "relative to the parent", "anticlockwise", "degrees", "relative to the start",
+    "from another zero",
+)  # fmt: skip
+
+
+def _mistakes() -> Iterator[object]:
     for frame, sign, unit in product((False, True), (1, -1), (1.0, DEGREES)):
         for zero, of in (("", "qu"), ("start", "qu"), ("another", "qu"), ("", "q"), ("", "u")):
             if frame or (sign, unit) != (1, 1.0) or zero:
-                words = (
-                    "relative to the parent",
-                    "anticlockwise",
-                    "degrees",
-                    "relative to the start",
-                )
-                said = zip(words, (frame, sign < 0, unit > 1, zero == "start"), strict=True)
-                how = [word for word, is_so in said if is_so]
+                said = (frame, sign < 0, unit > 1, zero == "start", zero == "another")
+                how = [word for word, is_so in zip(WORDS, said, strict=True) if is_so]
                 yield pytest.param(_convention(frame, sign, unit, zero, of), how, of)
 
 
-@pytest.mark.parametrize(("mistake", "how", "of"), list(_conventions()))
+@pytest.mark.parametrize(("mistake", "how", "of"), list(_mistakes()))
 def test_a_convention_of_coordinates_is_read_back(
     mistake: Mistake, how: list[str], of: str
 ) -> None:
     recorded = mistake(_moved()[1])
-    found = [r for r in _readings(recorded) if r.text is None and _same(r.wrong[0], recorded)]
-    words = ("relative to the parent", "anticlockwise", "degrees", "relative to the start")
-    named = [[word for word in words if word in reading.name] for reading in found]
-    assert how in named
+    found = _read_back(recorded)
+    assert how in [[word for word in WORDS if word in reading.name] for reading in found]
     if of != "qu":
         only = "not their speeds" if of == "q" else "speeds of the angles"
         assert any(only in reading.name for reading in found)
@@ -130,11 +140,11 @@ def test_the_zero_of_each_coordinate_is_told() -> None:
     offsets = np.zeros(right.q.shape[1])
     offsets[[1, 5]] = 0.25, -0.125
     recorded = replace(right, q=right.q + offsets)
-    names = [r.name for r in _readings(recorded) if r.wrong and _same(r.wrong[0], recorded)]
+    names = [reading.name for reading in _read_back(recorded)]
     assert names == ["coordinates from another zero (arm angle +0.25 rad, s -0.125 m)"]
     turned = np.where(_angles(right), DEGREES, 1.0)
     recorded = replace(right, q=right.q * turned + offsets, u=right.u * turned)
-    names = [r.name for r in _readings(recorded) if r.wrong and _same(r.wrong[0], recorded)]
+    names = [reading.name for reading in _read_back(recorded)]
     assert len(names) == 1 and "(arm angle +0.25 deg, s -0.125 m)" in names[0]
 
 
@@ -142,7 +152,7 @@ def test_the_zero_of_each_coordinate_is_told() -> None:
 def test_another_order_of_coordinates_is_read_back(order: tuple[int, ...]) -> None:
     right = _moved()[1]
     recorded = replace(right, q=right.q[:, order], u=right.u[:, order])
-    assert any(r.text is None and _same(r.wrong[0], recorded) for r in _readings(recorded))
+    assert _read_back(recorded)
 
 
 # forces and markers
@@ -180,7 +190,7 @@ def test_a_mistake_in_joint_forces_is_read_back(how: str, only: str | None) -> N
     held = {name: v for name, v in right.joint_reactions.items() if only in (None, name)}
     wrong = {name: FORCES[how](right, name, v) for name, v in held.items()}
     recorded = replace(right, joint_reactions={**right.joint_reactions, **wrong})
-    found = [r for r in _readings(recorded) if r.text is None and _same(r.wrong[0], recorded)]
+    found = _read_back(recorded)
     whose = f" of the {only}" if only else ""
     assert f"joint forces{whose} {how}" in [reading.name for reading in found]
 
@@ -190,7 +200,7 @@ def test_joint_forces_under_other_names_are_read_back() -> None:
     pairs = (("slot", "rail"), ("rail", "weld"), ("weld", "slot"))
     taken = {one: right.joint_reactions[other] for one, other in pairs}
     recorded = replace(right, joint_reactions={**right.joint_reactions, **taken})
-    found = [r for r in _readings(recorded) if r.text is None and _same(r.wrong[0], recorded)]
+    found = _read_back(recorded)
     assert [reading.name for reading in found] == [
         "joint forces of the slot, rail, weld are those of rail, weld, slot"
     ]
@@ -233,7 +243,7 @@ def test_a_marker_taken_for_another_point_is_read_back(what: str, of: str) -> No
         tip.velocity if of == "position" else other.velocity,
     )
     recorded = replace(right, markers={**right.markers, "tip": wrong})
-    found = [r for r in _readings(recorded) if r.text is None and _same(r.wrong[0], recorded)]
+    found = _read_back(recorded)
     text = f"tip taken for {what}" if of == "both" else f"{of} of the tip taken for that of {what}"
     assert [reading.name for reading in found] == [text]
 
@@ -242,11 +252,11 @@ def test_markers_that_are_exchanged_or_turned_are_read_back() -> None:
     right = _moved()[1]
     tip, hand = right.marker("tip"), right.marker("hand")
     recorded = replace(right, markers={"tip": hand, "hand": tip})
-    found = [r.name for r in _readings(recorded) if not r.text and _same(r.wrong[0], recorded)]
+    found = [reading.name for reading in _read_back(recorded)]
     assert found == ["tip and hand exchanged"]
     local = PointMotion(tip.position, _in_frame(right, "bob", tip.velocity))
     recorded = replace(right, markers={"tip": local, "hand": hand})
-    found = [r.name for r in _readings(recorded) if not r.text and _same(r.wrong[0], recorded)]
+    found = [reading.name for reading in _read_back(recorded)]
     assert found == ["velocities of the tip in the frame of the body"]
 
 
@@ -369,6 +379,13 @@ def test_only_a_force_is_told_in_steps() -> None:
             assert in_steps == any(word in reading.name for word in forces) or (
                 "masses" in reading.name
             )
+
+
+def test_masses_are_scaled_to_no_less_than_nearly_nothing() -> None:
+    """Other quantities may have the wrong sign; there is no negative mass."""
+    least = {r.name: r.least for r in _readings() if r.least > -math.inf}
+    (smallest,) = least.values()
+    assert "masses" in next(iter(least)) and 0.0 < 1.0 + smallest < 1e-3
 
 
 # other times

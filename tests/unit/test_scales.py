@@ -17,7 +17,7 @@ from formulas import ARM, END, TURN, Formula, trolley
 from trebucheck.comparisons.runs import stretching as stretchings
 from trebucheck.comparisons.runs import study
 from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, judged_quantity
-from trebucheck.comparisons.runs.scales import Scales, extent, scales_until, size
+from trebucheck.comparisons.runs.scales import Scales, _spring_time, extent, scales_until, size
 from trebucheck.comparisons.runs.stretching import predictable_until, stretching, stretching_at
 from trebucheck.comparisons.runs.study import Until
 from trebucheck.models.elements import PointStop
@@ -169,6 +169,25 @@ def test_springs_on_angles_have_the_time_of_the_inertia_that_they_turn() -> None
         )
         scales = scales_until(solve(tb.Problem(swing, duration=0.1)), 0.1)
         assert scales.time == pytest.approx(math.sqrt(turned / stiffness), rel=1e-12), spring
+
+
+@pytest.mark.parametrize(
+    ("mass", "stiffness"), [(0.04, 0.25), (0.25, 9.0), (9.0, 0.25), (3.0, 0.0)]
+)
+def test_a_spring_has_the_time_of_the_lightest_body_at_it(mass: float, stiffness: float) -> None:
+    """However light or soft; without a stiffness it has none."""
+    machine = mechanisms.chain()
+    upper, lower = (
+        body.model_copy(update={"mass": m})
+        for body, m in zip(machine.bodies, (2 * mass, mass), strict=True)
+    )
+    machine = machine.model_copy(update={"bodies": (upper, lower)})
+    ends = {"name": "spring", "point": (0.1, 0.2), "relative_point": (0.3, 0.0)}
+    spring = tb.SpringDamper(**ends, body="upper", relative_to="lower", stiffness=stiffness)
+    expected = math.sqrt(mass / stiffness) if stiffness else math.inf
+    assert _spring_time(machine, spring) == pytest.approx(expected)
+    alone = tb.SpringDamper(**ends, body="upper", stiffness=stiffness)
+    assert _spring_time(machine, alone) == pytest.approx(math.sqrt(2) * expected)
 
 
 def test_scales_of_a_small_trebuchet_are_the_same_parts() -> None:

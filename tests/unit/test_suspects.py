@@ -18,6 +18,7 @@ from mechanisms import (
     chain_on_a_slot,
     everything,
     hanging_bob,
+    parallel_cranks,
     rods_on_a_slot,
     scaled,
     slider_crank,
@@ -31,6 +32,7 @@ from trebucheck.comparisons.diagnosis.faults import (
     mechanism_length,
     missing_faults,
     systematic_faults,
+    with_closed_loops,
 )
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
@@ -90,6 +92,24 @@ def test_points_are_moved_by_parts_of_the_mechanisms_length() -> None:
         at_origin = moved["place of the pin on the bob, y"]
         joint = next(j for j in at_origin.wrong.joints if j.name == "pin")
         assert joint.child_point == pytest.approx((0.0, at_origin.scale))
+
+
+def test_a_slot_is_not_moved_along_itself() -> None:
+    """Level, only up or down; tilted, along x and y."""
+    name = "place of the slot on the ground"
+    for tilt, places in ((0.0, {", y"}), (0.3, {", x", ", y"})):
+        suspects = [s.name for s in machine_suspects(slider_crank(tilt=tilt))]
+        assert {s.removeprefix(name) for s in suspects if s.startswith(name)} == places
+
+
+def test_loops_are_closed_where_one_of_them_is_open() -> None:
+    """The third crank of a beam, of which the other two fit, is turned to where it belongs."""
+    right = parallel_cranks(3)
+    assert with_closed_loops(right) is right
+    start = (*right.start[:3], right.start[3] + 1e-3)
+    closed = with_closed_loops(right.model_copy(update={"start": start}))
+    assert closed is not None and closed.start != start
+    assert max(closed.loop_closure_residual.values()) < 1e-9
 
 
 # the power of an added force

@@ -314,8 +314,11 @@ def test_a_release_after_the_end_does_not_hide_an_earlier_one() -> None:
     one.release_times.update({"late": 1.6, "rest": 0.5})
     other.release_times.update({"late": None, "rest": 0.6})
     assert pair_of("m", ("a", "b"), one, other, END).release_time_max == pytest.approx(0.1)
-    one.release_times["late"] = 1.4
-    assert pair_of("m", ("a", "b"), one, other, END).release_time_max is None
+    one.release_times["late"] = END * (1 + 1.1e-9)
+    assert pair_of("m", ("a", "b"), one, other, END).release_time_max == pytest.approx(0.1)
+    for within in (1.4, END, END * (1 + 0.9e-9)):  # to rounding
+        one.release_times["late"] = within
+        assert pair_of("m", ("a", "b"), one, other, END).release_time_max is None
 
 
 def test_speeds_need_two_launches() -> None:

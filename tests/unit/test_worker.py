@@ -239,3 +239,27 @@ def test_modules_are_no_garbage_to_collect_after_each_call() -> None:
         worker.call(_importing, _Engine(), None)
         more = worker.call(_frozen, _Engine(), None)
     assert 10_000 < imported < more
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_only_after_an_import_are_modules_taken_out_of_collections(
+    fails: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the call fails after it."""
+    frozen: list[int] = []
+    monkeypatch.setattr(process.gc, "freeze", lambda: frozen.append(1))
+    assert process._with_imports_kept(divmod, 7, 2) == (3, 1) and not frozen
+
+    def imports() -> str:
+        sys.modules["imported_by_this_test"] = sys
+        return str(1 / (not fails))
+
+    try:
+        if fails:
+            with pytest.raises(ZeroDivisionError):
+                process._with_imports_kept(imports)
+        else:
+            assert process._with_imports_kept(imports) == "1.0"
+    finally:
+        del sys.modules["imported_by_this_test"]
+    assert frozen == [1]
