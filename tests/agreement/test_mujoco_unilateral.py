@@ -346,7 +346,7 @@ def test_a_stop_given_twice_acts_as_once() -> None:
     assert double.q[-1] == pytest.approx(single.q[-1], abs=1e-9)
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(k, marks=again) for k in range(3, 10))])
+@pytest.mark.parametrize("seed", [*range(2), *(pytest.param(k, marks=again) for k in range(2, 10))])
 def test_random_machines(seed: int) -> None:
     """Chains of two bodies, off every axis, between two stops on each joint and over a floor.
 

@@ -10,6 +10,7 @@ import math
 import numpy as np
 import pytest
 import trebucheck as tb
+from conftest import again
 from mechanisms import TABLE_ONE, chain_on_a_slot, everything, pin, position_error, scaled
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
@@ -22,7 +23,7 @@ from trebucheck.models.problem import Problem
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 
-SIZES = (1e-3, 1e-2, 1e2, 1e3)
+SIZES = (1e-3, *(pytest.param(size, marks=again) for size in (1e-2, 1e2)), 1e3)
 ENGINES = ("mujoco", "pymunk", "exudyn")
 
 

@@ -185,7 +185,7 @@ def test_a_fault_is_caught_and_named(
     assert any(fault.cause in text for text in first), diagnosis(run)
 
 
-@pytest.mark.parametrize("model", ["fixed", "rolling"])
+@pytest.mark.parametrize("model", ["fixed", pytest.param("rolling", marks=again)])
 @pytest.mark.parametrize("engine", ["mujoco", "pymunk", "exudyn"])
 def test_what_has_no_fault_is_not_flagged(
     engine: str, model: str, monkeypatch: pytest.MonkeyPatch

@@ -43,7 +43,7 @@ def other_machines(name: str) -> st.SearchStrategy[tb.Mechanism]:
 
 
 @pytest.mark.slow
-@machines(10)
+@machines(10, few=1)
 @given(data=st.data())
 @pytest.mark.parametrize("name", OTHERS)
 def test_two_formulations_move_alike(name: str, data: st.DataObject) -> None:
