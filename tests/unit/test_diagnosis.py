@@ -17,8 +17,10 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters, machines
 from faulty import Faulty, body, parameters
+from formulas import END, LAUNCH, RELEASE, Formula, times
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import hanging_bob
 from trebucheck.comparisons.diagnosis import diagnose as diagnosing
 from trebucheck.comparisons.diagnosis import rerun as rerunning
 from trebucheck.comparisons.diagnosis.case import FINE, ROUGH, Case, factor_of, fit, share_of
@@ -28,9 +30,16 @@ from trebucheck.comparisons.diagnosis.diagnose import (
     _mistaken,
     active_contacts_at,
     check_and_diagnose,
+    find_onset,
     growth,
 )
-from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
+from trebucheck.comparisons.diagnosis.equivalence import (
+    EXACT,
+    SPEED,
+    check_model,
+    expected,
+    random_states,
+)
 from trebucheck.comparisons.diagnosis.faults import (
     Component,
     Fault,
@@ -42,10 +51,13 @@ from trebucheck.comparisons.diagnosis.rank import Estimate
 from trebucheck.comparisons.diagnosis.readings import NO_MOTION, Reading
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
-from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
+from trebucheck.comparisons.runs.metrics import against
+from trebucheck.comparisons.runs.quantities import Kind, Quantity
+from trebucheck.comparisons.runs.results import Diagnosis, Metric, Outcome, RankedCause, Run
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import causes_of
+from trebucheck.engines.units import units_of
 from trebucheck.models.library.trebuchet import parameters_of
 from trebucheck.reference.contact import active_contacts
 from trebucheck.reference.equations import Equations
@@ -619,8 +631,10 @@ def _asked(
     told: frozenset[str] | None = None,
     agrees: bool = False,
     **shares: float,
-) -> tuple[list[str], list[str], int]:
+) -> tuple[list[str], dict[str, float], int]:
     """Kinds of suspects that were asked for, the listed ones, and how many of these are named.
+
+    Two quantities deviate by 0.3 % and 0.4 % of the whole, and a force by nearly all of it.
 
     Each kind has one suspect, which explains so much; one that is not given explains nothing.
     """
@@ -643,10 +657,12 @@ def _asked(
     monkeypatch.setattr(diagnosing, "_sizeless", lambda _, fault: suspect(fault.kind)[0])
     monkeypatch.setattr(diagnosing, "_motion_agrees", lambda _: agrees)
     monkeypatch.setattr(diagnosing, "_forces_deviate", lambda _: False)
-    case: Any = SimpleNamespace(told=told, mechanism=None, shares={})
+    kinds = {Kind.COORDINATES: 0.003, Kind.SPEEDS: 0.004, Kind.FORCE: 0.9999}
+    deviate = {Quantity(kind): share for kind, share in kinds.items()}
+    case: Any = SimpleNamespace(told=told, mechanism=None, shares=deviate)
     again: Any = SimpleNamespace(causes=lambda _: suspect("again")) if rerun else None
     listed, named = diagnosing._ranked_causes(case, again)
-    return asked, [cause.name for cause in listed], named
+    return asked, {cause.name: cause.explained for cause in listed}, named
 
 
 FAULTS = ["reading", "fitted", "missing", "law"]
@@ -654,7 +670,7 @@ FAULTS = ["reading", "fitted", "missing", "law"]
 
 def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
     """Unless little is told, or the motion is right: then a load may explain it as well."""
-    assert _asked(monkeypatch, reading=0.9999) == (["reading"], ["reading"], 1)
+    assert _asked(monkeypatch, reading=0.9999) == (["reading"], {"reading": 0.9999}, 1)
     assert _asked(monkeypatch, reading=0.9998)[0] == FAULTS
     assert _asked(monkeypatch, reading=0.9999, told=frozenset())[0] == FAULTS
     assert _asked(monkeypatch, reading=0.9999, agrees=True)[0] == ["reading", "same motion"]
@@ -689,9 +705,10 @@ def test_what_no_suspect_explains_at_the_right_motion_is_a_reading(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     _, listed, named = _asked(monkeypatch, agrees=True, reading=0.5)
-    assert named == 1 and listed[0].startswith("reading of the")
+    name = f"reading of the {Quantity(Kind.FORCE).text}"
+    assert named == 1 and listed == {name: pytest.approx(1 - 0.005), "reading": 0.5}
     _, listed, named = _asked(monkeypatch, agrees=False, reading=0.5)
-    assert named == 0 and listed == ["reading"]
+    assert named == 0 and listed == {"reading": 0.5}
 
 
 # settings that are taken out of an engine, one at a time and two together
@@ -770,3 +787,46 @@ def test_what_a_finer_step_leaves_of_itself_is_taken_out_too(
     left: float, beside: float | None, explained: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert _removed(monkeypatch, beside, t=left) == pytest.approx({"t": explained})
+
+
+# when a motion parts, and sizes of what a model shows
+
+
+def _onset(
+    *metrics: Metric, reference: Formula | None = None, own: Any = None
+) -> tuple[str, float] | None:
+    """What is violated first, and when, of a motion by formulas."""
+    reference = reference or Formula()
+    motion: Any = reference
+    compared = against((own or reference).trajectory(times()), motion, END)
+    found = find_onset(compared, metrics)
+    return None if found is None else (found.first_violated, found.time)
+
+
+def test_events_violate_their_tolerance_at_the_earlier_of_their_times() -> None:
+    launch = Metric(name="launch_speed", value=9.0, unit="m/s", tolerance=1.0)
+    release = Metric(name="release_time", subject="rest", value=-0.1, unit="s", tolerance=0.01)
+    assert _onset(launch) == ("launch_speed", pytest.approx(LAUNCH))
+    assert _onset(launch.model_copy(update={"name": "launch_time"})) is not None
+    assert _onset(launch, reference=Formula(launches={})) is None
+    for early, late in ((0.4, RELEASE), (RELEASE, 0.7), (None, RELEASE)):
+        for own, right in ((early, late), (late, early)):
+            found = _onset(
+                launch, release, own=Formula(release_times={"rest": own}),
+                reference=Formula(release_times={"rest": right}),
+            )  # fmt: skip
+            assert found == ("release_time (rest)", early or late)
+    bare = Metric(name="position_max", subject="hook", value=1.0, unit="m")
+    assert _onset(bare) is None  # it has no tolerance
+
+
+@pytest.mark.parametrize("speed", [1e3, 1e-9])
+def test_forces_of_inertia_are_those_of_the_largest_speed_or_of_one_in_its_units(
+    speed: float,
+) -> None:
+    """3 kg at 2 m: 12 kg m^2."""
+    bob = hanging_bob()
+    states = [State(np.array([0.3]), np.array([u]), ()) for u in (0.0, -speed, 0.5 * speed)]
+    least = SPEED / units_of(bob).time
+    found = expected(bob, states).inertial
+    assert found == pytest.approx([12.0 * max(speed, least) ** 2])

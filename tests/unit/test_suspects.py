@@ -95,9 +95,9 @@ def test_points_are_moved_by_parts_of_the_mechanisms_length() -> None:
 
 
 def test_a_slot_is_not_moved_along_itself() -> None:
-    """Level, only up or down; tilted, along x and y."""
+    """Level, only up or down; upright, only aside; tilted, along x and y."""
     name = "place of the slot on the ground"
-    for tilt, places in ((0.0, {", y"}), (0.3, {", x", ", y"})):
+    for tilt, places in ((0.0, {", y"}), (math.pi / 2, {", x"}), (0.3, {", x", ", y"})):
         suspects = [s.name for s in machine_suspects(slider_crank(tilt=tilt))]
         assert {s.removeprefix(name) for s in suspects if s.startswith(name)} == places
 
