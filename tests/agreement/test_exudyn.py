@@ -382,3 +382,19 @@ def test_gaps_by_the_bodies_sensors_are_those_of_the_coordinates() -> None:
         assert constraint.gap(values) == pytest.approx(float(kinematics.gap(stop.name, q)))
         assert constraint.gap_speed(values) == pytest.approx(float(row @ u))
         assert motion._opening(stop.name, balance) == pytest.approx(right, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("steps", "wanted", "rows", "kept"),
+    [(5, 4.3, 6, 4), (5, 3.4, 6, 4), (5, 3.0, 4, 4), (5, 9.0, 6, 6), (1, 0.6, 2, 1), (1, 0, 1, 1)],
+)
+def test_steps_onto_an_event_begin_two_steps_back(
+    steps: int, wanted: float, rows: int, kept: int
+) -> None:
+    """Whole steps before are as they were; beyond the last one is no event."""
+    step = 1e-3
+    motion = ExudynMotion(Problem(rod_pendulum(start=0.3), 0.1), ExudynEngine(timestep=step))
+    table = motion._run(steps * step, None)
+    time, cut = motion._onto(table, lambda _: wanted * step)
+    assert time == pytest.approx(min(wanted, steps) * step, abs=1e-12) and cut[-1, 0] == time
+    assert len(cut) == rows and np.array_equal(cut[:kept], table[:kept])

@@ -14,6 +14,7 @@ import pytest
 from elements import ELEMENTS, HINGE, UP, WALLS, tied
 from mechanisms import body_of, everything, pin
 from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.elements import (
     GROUND,
@@ -463,3 +464,37 @@ def test_a_fault_in_the_space_shows(fault: str, monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(module, "build", wrongly)
     assert not check_model(PymunkEngine(), everything()).holds
+
+
+def test_the_angle_of_a_point_mass_is_from_its_pin_wherever_that_is_in_the_body() -> None:
+    hung = rods(
+        RotationalSpringDamper(name="one", body="rod", stiffness=30.0, rest_angle=0.2),
+        RotationalSpringDamper(
+            name="two", body="next", relative_to="rod", stiffness=5.0, damping=0.2, rest_angle=-0.4
+        ),
+    )
+    joints = (
+        pin("foot", GROUND, "rod", (0.3, 0.1), (0.2, -0.3)),
+        pin("knee", "rod", "next", (1.0, 0.2), (-0.1, 0.4)),
+    )
+    assert check_model(PymunkEngine(), hung.model_copy(update={"joints": joints})).holds
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_a_spring_between_bodies_that_turn_is_chipmunks_own(turning: bool) -> None:
+    """Its impulse is that of the angle at the step's end, whatever else acts on the bodies."""
+    spring = RotationalSpringDamper(name="spring", body="next", relative_to="rod", stiffness=30.0)
+    mechanism = rods(spring)
+    if turning:  # by inertias, and by what hangs beside the outer one's mass
+        rod, outer = (body.model_copy(update={"inertia": 0.2}) for body in mechanism.bodies)
+        mechanism = mechanism.model_copy(
+            update={
+                "bodies": (rod, outer, body_of("last", "c", 1.0, (0.5, 0.0), 0.1)),
+                "joints": (*mechanism.joints, pin("hinge", "next", "last", (0.1, 0.0))),
+                "start": (*mechanism.start, 0.0),
+                "start_speeds": (*mechanism.start_speeds, 0.0),
+            }
+        )
+    assembly = build(mechanism, (), 0.0, 1e4)
+    kinds = [type(joint).__name__ for joint in assembly.space.constraints]
+    assert kinds.count("DampedRotarySpring") == turning and len(assembly.loads) == (not turning)

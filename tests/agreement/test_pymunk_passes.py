@@ -13,13 +13,13 @@ import trebucheck as tb
 
 pytest.importorskip("pymunk")
 
-from mechanisms import pin
+from mechanisms import four_bar, parallel_cranks, pin
 from random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.leapfrog import _step_to  # pyright: ignore[reportPrivateUsage]
 from trebucheck.engines.pymunk.passes import TRACKED, convergence, growth
-from trebucheck.models.elements import GROUND, PrismaticJoint, SlotJoint
+from trebucheck.models.elements import GROUND, FreeJoint, PrismaticJoint, SlotJoint
 from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
@@ -76,6 +76,37 @@ def test_passes_leave_what_the_matrices_say() -> None:
         left = float(np.linalg.norm(space.rates[0, :2]))
         assert left == pytest.approx(math.cos(slight) ** (2 * passes - 1), rel=1e-6)
         assert found.left_after(passes) == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "mechanism", [four_bar(), parallel_cranks(2)], ids=lambda mechanism: mechanism.name
+)
+def test_passes_change_each_speed_as_the_matrices_say(mechanism: Mechanism) -> None:
+    """What no joint holds stays; of the rest, weighted by roots of masses, Q^n is left."""
+    assembly = build(mechanism, (), 0.0, 1.0)
+    found = convergence(assembly)
+    weights = np.sqrt([[body.mass, body.mass, body.moment] for body in assembly.bodies]).ravel()
+    places = [(body.position, body.angle) for body in assembly.bodies]
+    push = np.random.default_rng(7).normal(size=(len(assembly.bodies), 3))
+    before = push.ravel() * weights
+    held = found.basis.T @ before
+    for passes in (1, 4):
+        again = build(mechanism.model_copy(update={"gravity": 0.0}), (), 0.0, 1.0)
+        _step_to(again, places, push, 1e-7, passes)
+        left = np.linalg.matrix_power(found.one_pass, passes) @ held
+        expected = before + found.basis @ (left - held)
+        assert again.rates.ravel() * weights == pytest.approx(expected, abs=1e-5)
+
+
+def test_where_nothing_is_constrained_one_pass_leaves_nothing() -> None:
+    body = Body(name="stone", angle="a", mass=2.0, centre=(0.0, 0.0), inertia=0.1)
+    free = FreeJoint(
+        name="none", parent=GROUND, child="stone", parent_point=(0, 0), child_point=(0, 0),
+        coordinates=("x", "y"),
+    )  # fmt: skip
+    stone = Mechanism(name="stone", bodies=(body,), joints=(free,), gravity=9.81, start=(0, 0, 0))
+    found = convergence(build(stone, (), 0.0, 1.0))
+    assert found.left_after(1) == 0.0 and found.passes_to(1e-12) == 1
 
 
 @pytest.mark.parametrize("share", [0.5, TRACKED, 1e-12])

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 import pytest
-from mechanisms import misplaced
+from mechanisms import angle_stop, misplaced, rod_pendulum
 from trebucheck.engines.pymunk.engine import PymunkEngine
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, Stop
 from trebucheck.models.library.trebuchet import ARM_STOP, fixed, rolling
@@ -251,3 +251,14 @@ def test_a_stop_given_twice_acts_as_once() -> None:
     )
     assert all(set(impulses) == {"stop", "twin"} for _, impulses in double.impacts)
     assert double.q[-1] == pytest.approx(single.q[-1], abs=1e-6)
+
+
+@pytest.mark.parametrize("steps", [0.5, 1.4, 3.7, 63.5, 64.5, 65.2])
+def test_an_impact_is_located_in_whichever_step_it_is(steps: float) -> None:
+    """A rod that turns evenly meets its stop at limit / speed; 64 steps are looked at at once."""
+    step, speed = 2e-3, 1.5
+    rod = rod_pendulum(angle_stop(speed * steps * step, body="rod")).model_copy(
+        update={"gravity": 0.0, "start_speeds": (speed,)}
+    )
+    run = PymunkEngine(timestep=step).simulate(Problem(rod, 70 * step, stop_law=StopLaw.UNILATERAL))
+    assert [time for time, _ in run.impacts] == pytest.approx([steps * step], abs=1e-6 * step)

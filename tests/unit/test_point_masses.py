@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mechanisms import hanging_bob
 from random_mechanisms import random_mechanism
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.models.elements import GROUND, PinJoint
@@ -121,6 +122,23 @@ def test_a_body_without_a_pin_is_given_the_least_inertia() -> None:
     assert spread.mechanism.bodies[1].inertia == 1e-5 and set(spread.moved) == {"ground upper"}
 
 
+def test_a_pin_whose_parent_has_nothing_to_lend_is_passed_over() -> None:
+    """The upper mass is on its pin, so that it has no inertia but what it is given in the end."""
+    drawn = _pendulums(1.0, 1.0)
+    upper = drawn.bodies[0].model_copy(update={"centre": (0.0, 0.0)})
+    lower = drawn.bodies[1]
+    tip = PinJoint(
+        name="tip", parent=GROUND, child="lower", parent_point=(1.2, 0.0), child_point=(0.1, 0.0)
+    )
+    held = drawn.model_copy(update={"bodies": (upper, lower), "joints": (*drawn.joints, tip)})
+    spread = NoPointMasses(held, LEAST)
+    assert set(spread.moved) == {"tip"}
+    found, arm2 = spread.mechanism.bodies[1], 0.6**2 + 0.1**2
+    lent = found.mass - 1.0
+    assert found.inertia == pytest.approx(1.0 * lent / (1.0 + lent) * arm2)
+    assert found.inertia == pytest.approx(LEAST * 1.0 * arm2, rel=0.03)
+
+
 def test_reactions_are_found_again() -> None:
     mechanism = _pendulums(2.0, 1.0)
     spread, t = NoPointMasses(mechanism, LEAST), np.linspace(0.0, 0.4, 5)
@@ -141,3 +159,25 @@ def test_reactions_are_found_again() -> None:
         if np.abs(other.joint_reactions[name] - right.joint_reactions[name]).max() > 1e-4
     ]
     assert moved
+
+
+@pytest.mark.parametrize(
+    ("inertia", "point", "own", "mass"),
+    [
+        (0.0, (2.0, 0.0), None, 3.0),  # the point mass itself
+        (0.0, (1.0, 0.0), None, None),  # on the rod that holds it
+        (0.5, (2.0, 0.0), None, None),  # the centre of a body that is more than its point
+        (0.5, (1.0, 0.0), None, None),
+        (0.0, (2.0, 0.0), 1.2, 1.2),
+        (0.5, (1.0, 0.0), 1.2, 1.2),
+    ],
+)
+def test_what_is_thrown_at_a_marker(
+    inertia: float, point: tuple[float, float], own: float | None, mass: float | None
+) -> None:
+    body = Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=inertia)
+    thrown = Marker(name="thrown", body="bob", point=point, mass=own)
+    peg = Marker(name="peg", body="ground", point=(0.0, 0.0))
+    mechanism = hanging_bob(bodies=(body,), markers=(thrown, peg))
+    assert mechanism.thrown_mass(thrown) == mass
+    assert mechanism.thrown_mass(peg) is None

@@ -192,6 +192,16 @@ def test_an_added_force_has_the_power_of_the_size_that_is_told(name: str) -> Non
 
 
 @pytest.mark.parametrize("name", MACHINES)
+def test_what_only_takes_or_stores_energy_has_no_negative_size(name: str) -> None:
+    """Damping, friction, stiffness and a rotor's inertia; a torque and a tilt have either sign."""
+    laws = [law for law in _laws(MACHINES[name]()) if len(law.components) == 1]
+    for law in laws:
+        either = law.name.startswith("torque") or law.name == "direction of gravity"
+        assert (law.equations([-1.0]) is not None) == either, law.name
+        assert law.equations([1.0]) is not None
+
+
+@pytest.mark.parametrize("name", MACHINES)
 def test_an_armature_is_inertia_of_the_rate_of_its_joint(name: str) -> None:
     mechanism, q, u = _states(name)
     usual, rates = Equations(mechanism).mass_matrix(q), _turns(mechanism, u)
