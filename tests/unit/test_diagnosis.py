@@ -830,3 +830,12 @@ def test_forces_of_inertia_are_those_of_the_largest_speed_or_of_one_in_its_units
     least = SPEED / units_of(bob).time
     found = expected(bob, states).inertial
     assert found == pytest.approx([12.0 * max(speed, least) ** 2])
+
+
+def test_a_diagnosis_that_fails_is_of_what_breaks_its_tolerance_most() -> None:
+    broken = [
+        Metric(name="position_max", subject=name, value=value, unit="m", tolerance=tolerance)
+        for name, value, tolerance in (("a", 3.0, 1.0), ("b", 4.0, 0.5), ("c", 9.0, 3.0))
+    ]
+    found = diagnosing.failed_diagnosis(broken, ZeroDivisionError("careless"))
+    assert found.leads == "position_max (b)" and "careless" in (found.note or "")

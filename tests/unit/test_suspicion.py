@@ -475,6 +475,8 @@ def test_a_release_that_is_only_told_late_is_a_mistake_of_reading() -> None:
 def test_the_first_of_two_late_releases_explains_both() -> None:
     found = _released(Case, 0.05, 0.02)
     assert found[HANGER].explained > 0.9999 > found[SLING].explained
+    found = _released(Case, 0.86, -0.05)  # the hanger is due first, and opens last
+    assert found[HANGER].explained > 0.9999 > found[SLING].explained
     found = _released(Case, 0.05, -0.9)  # the sling opens before the hanger
     assert found[SLING].explained > 0.9999 > found[HANGER].explained
 
