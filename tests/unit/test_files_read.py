@@ -5,12 +5,21 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import G, angle_stop, bouncing, everything, floor, hanging_bob
-from trebucheck.comparisons.judge import GivenImpact, _netcdf_impacts, judge_file, jumps, read
+from trebucheck.comparisons.judge import (
+    GivenImpact,
+    _netcdf_impacts,
+    _netcdf_releases,
+    judge_file,
+    jumps,
+    read,
+)
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.kinematics import Kinematics
 
@@ -263,3 +272,15 @@ def test_impacts_of_no_stop_or_no_number_are_refused(
     stated = [[time, {stop or floored.stops[0].name: impulse}]]
     with pytest.raises(tb.InputError):
         _netcdf_impacts(_Dataset(stated), floored)
+
+
+def test_release_times_of_a_dataset_are_in_their_unit() -> None:
+    """In milliseconds here; NaN says that a stop did not open, and other stops say nothing."""
+    dataset: Any = _Dataset([])
+    times = SimpleNamespace(values=np.array([250.0, np.nan, 9.0]), attrs={"units": "ms"})
+    dataset["release_time"] = times
+    dataset["releasable_stop"] = SimpleNamespace(values=["rest", "deck", "nobody"])
+    assert _netcdf_releases(dataset, _mechanism()) == {"rest": 0.25, "deck": None}
+    times.values = np.array([-1.0, 0.0, 0.0])
+    with pytest.raises(tb.InputError):
+        _netcdf_releases(dataset, _mechanism())
