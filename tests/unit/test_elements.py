@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pytest
 import trebucheck as tb
+from mechanisms import everything
 from pydantic import Field
 from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
 from trebucheck.comparisons.report.drawing.sketch import draw
@@ -220,6 +221,18 @@ def test_declared_features_do_not_claim_elements_of_later_releases() -> None:
     refuse_features(mechanism, frozenset(Feature), "an engine", classes=ELEMENTS)
     (names,) = missing_elements(mechanism, set(Feature) - {Feature.CUBIC_SPRING}).values()
     assert names == ("cubic",)
+
+
+def test_an_element_that_lacks_a_feature_is_not_missing_once_more_by_its_class() -> None:
+    """A wall on a moving body has a feature of walls and one of moving walls."""
+    mechanism, walls = everything(), [kind for kind in ELEMENTS if kind is not tb.PointStop]
+    known = set(Feature) - {Feature.MOVING_WALL}
+    assert missing_elements(mechanism, known, classes=walls) == {Feature.MOVING_WALL: ("deck",)}
+    (names,) = missing_elements(mechanism, set(Feature), classes=walls).values()
+    assert names == ("deck",)
+    by_class = missing_elements(mechanism, set(Feature), classes=()).values()
+    found = sorted(name for names in by_class for name in names)
+    assert found == sorted(element.name for element in mechanism.elements)
 
 
 def test_a_force_element_that_no_sum_would_have_cannot_be_defined() -> None:

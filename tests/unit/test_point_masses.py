@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from mechanisms import hanging_bob
 from random_mechanisms import random_mechanism
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.models.elements import GROUND, PinJoint
@@ -158,3 +159,25 @@ def test_reactions_are_found_again() -> None:
         if np.abs(other.joint_reactions[name] - right.joint_reactions[name]).max() > 1e-4
     ]
     assert moved
+
+
+@pytest.mark.parametrize(
+    ("inertia", "point", "own", "mass"),
+    [
+        (0.0, (2.0, 0.0), None, 3.0),  # the point mass itself
+        (0.0, (1.0, 0.0), None, None),  # on the rod that holds it
+        (0.5, (2.0, 0.0), None, None),  # the centre of a body that is more than its point
+        (0.5, (1.0, 0.0), None, None),
+        (0.0, (2.0, 0.0), 1.2, 1.2),
+        (0.5, (1.0, 0.0), 1.2, 1.2),
+    ],
+)
+def test_what_is_thrown_at_a_marker(
+    inertia: float, point: tuple[float, float], own: float | None, mass: float | None
+) -> None:
+    body = Body(name="bob", angle="beta", mass=3.0, centre=(2.0, 0), inertia=inertia)
+    thrown = Marker(name="thrown", body="bob", point=point, mass=own)
+    peg = Marker(name="peg", body="ground", point=(0.0, 0.0))
+    mechanism = hanging_bob(bodies=(body,), markers=(thrown, peg))
+    assert mechanism.thrown_mass(thrown) == mass
+    assert mechanism.thrown_mass(peg) is None

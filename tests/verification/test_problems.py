@@ -6,6 +6,8 @@ The library wherever a machine is.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.benchmark import (
     passage,
     period,
+    suite_condition,
     swing,
     swing_period,
     turn,
@@ -110,6 +113,43 @@ def test_passages_and_periods_of_a_sine() -> None:
     sine = passage(np.sin, 0.5, 20.0, 4)
     assert sine(motion) == pytest.approx(2 * math.pi + 5 * math.pi / 6, abs=1e-12)
     assert period(lambda t: np.sin(2.5 * t), 0.5, 20.0)(motion) == pytest.approx(0.8 * math.pi)
+
+
+class _Beside:
+    """A marker on a circle of 2 m that turns clockwise by 1 rad/s, off by an error."""
+
+    impacts, rest_times = (), {}
+
+    def __init__(self, error: Callable[[np.ndarray], np.ndarray]) -> None:
+        self.error = error
+
+    def trajectory(self, t: np.ndarray) -> Any:
+        exact = 2.0 * np.stack([np.cos(t), -np.sin(t)], axis=1)
+        return SimpleNamespace(marker=lambda _: SimpleNamespace(position=exact + self.error(exact)))
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (lambda exact: 1e-4 * exact, 1e-4),
+        (lambda exact: np.where(np.arange(len(exact))[:, None] < 1, 3e-4 * exact, 0.0), 1.5e-4),
+        (lambda exact: [3e-4, 0.0] * exact, 3e-4 * math.sqrt(0.5)),
+    ],
+    ids=["all", "a quarter of the samples", "one component"],
+)
+def test_the_suite_s_condition_is_a_root_mean_square_of_relative_errors(
+    error: Callable[[np.ndarray], np.ndarray], expected: float
+) -> None:
+    condition = suite_condition("end", 2.0, lambda t: t, 2.0, 4)
+    motion: Any = _Beside(error)
+    assert condition.error(motion) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_suite_s_condition_divides_by_a_millimetre_at_least() -> None:
+    """At both samples the marker is on the x axis, beside which y has no relative error."""
+    condition = suite_condition("end", 2.0, lambda t: t, 2 * math.pi, 2)
+    motion: Any = _Beside(lambda exact: np.full_like(exact, 4e-6) * [0.0, 1.0])
+    assert condition.error(motion) == pytest.approx(4e-3 * math.sqrt(0.5), rel=1e-9)
 
 
 def test_the_period_close_to_the_highest_position_by_taylor_series() -> None:

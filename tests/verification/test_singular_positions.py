@@ -99,6 +99,17 @@ def test_four_bars_pass_their_singular_positions_for_ten_seconds(
         assert abs(math.remainder(angle, math.pi)) < 20 * passage.time_uncertainty + 1e-13
 
 
+@pytest.mark.parametrize("by", [solve, pytest.param(_by_taylor, marks=pytest.mark.slow)])
+def test_a_motion_may_end_in_the_middle_of_a_passage(by: Callable[[Problem], Solution]) -> None:
+    mechanism = _windows(1, -math.pi / 2, 1.0)
+    whole = solve(Problem(mechanism, 1.0))
+    ((window,),) = (segment.windows for segment in whole.segments)
+    end = 0.3 * window.start + 0.7 * window.end
+    cut = by(Problem(mechanism, end))
+    assert cut.segments[-1].end == end == cut.segments[-1].windows[-1].end
+    assert cut.motion(np.array([end])).q == pytest.approx(whole.motion(np.array([end])).q, abs=1e-9)
+
+
 def test_redundant_cranks_pass_theirs_as_one_pendulum() -> None:
     t = np.linspace(0.0, 2.0, 41)
     solutions = [solve(Problem(parallel_cranks(n, start=-1.0), 2.0)) for n in (2, 3)]

@@ -35,6 +35,7 @@ from trebucheck.models.elements import PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
+from trebucheck.reference.taylor import batch as batch_module
 from trebucheck.reference.taylor.batch import launch_batch
 from trebucheck.reference.taylor.expressions import TaylorSystem, heyoka, why_not_taylor
 from trebucheck.reference.taylor.numbers import numbers_of, structure_of
@@ -271,6 +272,21 @@ def test_a_batch_is_its_machines_one_by_one(build: Build) -> None:
             assert batch.time[i] == pytest.approx(float(figures.launch_time), abs=1e-11)
             assert batch.q[i] == pytest.approx(figures.launch_q, abs=1e-10)
             assert batch.u[i] == pytest.approx(figures.launch_u, abs=1e-9)
+
+
+@needs_heyoka
+def test_a_batch_in_pieces_is_the_whole_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = [tb.fixed(tb.TrebuchetParameters(l1=l1)) for l1 in (9.0, 9.5, 10.0, 10.5, 11.0)]
+    whole = launch_batch(machines, duration=3.5)
+    monkeypatch.setattr(batch_module, "_CHUNK", 2)
+    pieces = launch_batch(machines, duration=3.5)
+    assert pieces.launched.all()
+    assert pieces.time == pytest.approx(whole.time, abs=1e-11)
+    assert pieces.q == pytest.approx(whole.q, abs=1e-10)
+    for name, released in whole.release_times.items():
+        assert pieces.release_times[name] == pytest.approx(released, abs=1e-11, nan_ok=True)
+    with pytest.raises(tb.InputError, match=r"mechanisms\[3\] \('rolling'\)"):
+        launch_batch([*machines[:3], tb.rolling()])
 
 
 @needs_heyoka
