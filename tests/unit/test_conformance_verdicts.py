@@ -7,8 +7,10 @@ from typing import Any, cast
 import pytest
 from trebucheck.comparisons.runs.results import Metric, Run
 from trebucheck.conformance.certificate import _check_row, _problem_rows
-from trebucheck.conformance.suite import judgement
+from trebucheck.conformance.suite import Target, judgement
 from trebucheck.conformance.verdicts import CheckState, CheckVerdict
+from trebucheck.engines.registry import engine_class
+from trebucheck.models.errors import InputError
 
 NO_RUN = cast(Run, None)  # only a broken check asks it for a cause
 
@@ -83,3 +85,21 @@ def test_a_row_of_a_problem_counts_what_was_judged_and_shows_the_worst() -> None
     (row,) = _problem_rows(verdicts[3:])
     found = [cell.text for cell in row.cells]
     assert found == ["own/tuned", "fixed", "", "", "", "", "skipped: no such event"]
+
+
+# the preset that is judged
+
+
+@pytest.mark.parametrize(
+    ("presets", "chosen"),
+    [(("stock", "tuned"), "tuned"), (("tuned", "stock"), "tuned"), (("fast", "slow"), "fast")],
+)
+def test_the_tuned_preset_is_judged_or_the_first_one(
+    presets: tuple[str, ...], chosen: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine = engine_class("reference")
+    monkeypatch.setattr(engine, "presets", classmethod(lambda _: dict.fromkeys(presets)))
+    assert Target.of("reference") == Target("reference", chosen)
+    assert [Target.of(f"reference/{name}").preset for name in presets] == list(presets)
+    with pytest.raises(InputError):
+        Target.of("reference/another")

@@ -17,9 +17,12 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters, machines
 from faulty import Faulty, body, parameters
+from formulas import END, LAUNCH, RELEASE, Formula, times
 from hypothesis import given
 from hypothesis import strategies as st
+from mechanisms import hanging_bob
 from trebucheck.comparisons.diagnosis import diagnose as diagnosing
+from trebucheck.comparisons.diagnosis import rerun as rerunning
 from trebucheck.comparisons.diagnosis.case import FINE, ROUGH, Case, factor_of, fit, share_of
 from trebucheck.comparisons.diagnosis.diagnose import (
     _BuiltModel,
@@ -27,9 +30,16 @@ from trebucheck.comparisons.diagnosis.diagnose import (
     _mistaken,
     active_contacts_at,
     check_and_diagnose,
+    find_onset,
     growth,
 )
-from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
+from trebucheck.comparisons.diagnosis.equivalence import (
+    EXACT,
+    SPEED,
+    check_model,
+    expected,
+    random_states,
+)
 from trebucheck.comparisons.diagnosis.faults import (
     Component,
     Fault,
@@ -38,13 +48,16 @@ from trebucheck.comparisons.diagnosis.faults import (
     machine_suspects,
 )
 from trebucheck.comparisons.diagnosis.rank import Estimate
-from trebucheck.comparisons.diagnosis.readings import Reading
+from trebucheck.comparisons.diagnosis.readings import NO_MOTION, Reading
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
-from trebucheck.comparisons.runs.results import Diagnosis, Outcome, RankedCause, Run
+from trebucheck.comparisons.runs.metrics import against
+from trebucheck.comparisons.runs.quantities import Kind, Quantity
+from trebucheck.comparisons.runs.results import Diagnosis, Metric, Outcome, RankedCause, Run
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.engines.registry import causes_of
+from trebucheck.engines.units import units_of
 from trebucheck.models.library.trebuchet import parameters_of
 from trebucheck.reference.contact import active_contacts
 from trebucheck.reference.equations import Equations
@@ -607,3 +620,213 @@ def test_a_fault_without_a_size_explains_what_its_best_reading_does() -> None:
     assert law.kind == "law" and tb.StopLaw.UNILATERAL.value in law.name
     assert law.explained == pytest.approx(0.25)
     assert _sizeless_share(solves=False).explained == 0.0
+
+
+# which suspects are asked for, in the order of their cost
+
+
+def _asked(
+    monkeypatch: pytest.MonkeyPatch,
+    rerun: bool = True,
+    told: frozenset[str] | None = None,
+    agrees: bool = False,
+    **shares: float,
+) -> tuple[list[str], dict[str, float], int]:
+    """Kinds of suspects that were asked for, the listed ones, and how many of these are named.
+
+    Two quantities deviate by 0.3 % and 0.4 % of the whole, and a force by nearly all of it.
+
+    Each kind has one suspect, which explains so much; one that is not given explains nothing.
+    """
+    asked: list[str] = []
+
+    def suspect(kind: str) -> list[RankedCause]:
+        asked.append(kind)
+        if kind == "reading" and "still" in shares:
+            return [RankedCause(name=NO_MOTION, kind="reading", explained=shares["still"])]
+        return [RankedCause(name=kind, kind="law", explained=shares.get(kind, 0.0))]
+
+    missing: Any = SimpleNamespace(kind="missing")
+    for function, kind in (
+        ("_reading_causes", "reading"), ("fitting_faults", "fitted"), ("_law_causes", "law"),
+        ("_gross_causes", "gross"), ("faults_at_the_same_motion", "same motion"),
+    ):  # fmt: skip
+        monkeypatch.setattr(diagnosing, function, lambda _, kind=kind: suspect(kind))
+    monkeypatch.setattr(diagnosing, "_outright_causes", lambda _: [])
+    monkeypatch.setattr(diagnosing, "missing_faults", lambda _: [missing])
+    monkeypatch.setattr(diagnosing, "_sizeless", lambda _, fault: suspect(fault.kind)[0])
+    monkeypatch.setattr(diagnosing, "_motion_agrees", lambda _: agrees)
+    monkeypatch.setattr(diagnosing, "_forces_deviate", lambda _: False)
+    kinds = {Kind.COORDINATES: 0.003, Kind.SPEEDS: 0.004, Kind.FORCE: 0.9999}
+    deviate = {Quantity(kind): share for kind, share in kinds.items()}
+    case: Any = SimpleNamespace(told=told, mechanism=None, shares=deviate)
+    again: Any = SimpleNamespace(causes=lambda _: suspect("again")) if rerun else None
+    listed, named = diagnosing._ranked_causes(case, again)
+    return asked, {cause.name: cause.explained for cause in listed}, named
+
+
+FAULTS = ["reading", "fitted", "missing", "law"]
+
+
+def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless little is told, or the motion is right: then a load may explain it as well."""
+    assert _asked(monkeypatch, reading=0.9999) == (["reading"], {"reading": 0.9999}, 1)
+    assert _asked(monkeypatch, reading=0.9998)[0] == FAULTS
+    assert _asked(monkeypatch, reading=0.9999, told=frozenset())[0] == FAULTS
+    assert _asked(monkeypatch, reading=0.9999, agrees=True)[0] == ["reading", "same motion"]
+
+
+@pytest.mark.parametrize(
+    ("shares", "kinds", "named"),
+    [
+        ({"fitted": 0.99}, FAULTS, 1),
+        ({"fitted": 0.98}, [*FAULTS, "gross"], 1),  # it may be something worse
+        ({"gross": 0.96}, [*FAULTS, "gross"], 1),
+        ({"gross": 0.9}, [*FAULTS, "gross", "again"], 0),
+        ({"gross": 0.9, "again": 0.99}, [*FAULTS, "gross", "again"], 1),
+    ],
+)
+def test_the_next_kind_of_suspects_is_asked_for_where_the_last_explains_too_little(
+    shares: dict[str, float], kinds: list[str], named: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, _, how_many = _asked(monkeypatch, **shares)
+    assert asked == kinds and how_many == named
+    asked, _, _ = _asked(monkeypatch, rerun=False, **shares)
+    assert asked == [kind for kind in kinds if kind != "again"]
+
+
+def test_where_nothing_moves_what_is_missing_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _asked(monkeypatch, still=0.95)[0] == [*FAULTS, "missing", "gross"]
+    assert _asked(monkeypatch, still=0.9999)[0] == ["reading", "missing", "gross"]
+    assert _asked(monkeypatch, still=0.94)[0] == [*FAULTS, "gross", "again"]
+
+
+def test_what_no_suspect_explains_at_the_right_motion_is_a_reading(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, listed, named = _asked(monkeypatch, agrees=True, reading=0.5)
+    name = f"reading of the {Quantity(Kind.FORCE).text}"
+    assert named == 1 and listed == {name: pytest.approx(1 - 0.005), "reading": 0.5}
+    _, listed, named = _asked(monkeypatch, agrees=False, reading=0.5)
+    assert named == 0 and listed == {"reading": 0.5}
+
+
+# settings that are taken out of an engine, one at a time and two together
+
+
+def _removed(
+    monkeypatch: pytest.MonkeyPatch, beside: float | None = None, **left: float | None
+) -> dict[str, float]:
+    """What each setting explains, and two of them as 'ab', by what is left of a deviation of 10.
+
+    None: the engine cannot be run so. 't' is the step, beside which so much is left.
+    """
+    options = {"a": {"a": 1}, "b": {"b": 1}, "c": {"a": 2}, "t": {"timestep": 1e-4}}
+    singles = [name for name in left if len(name) == 1]
+    settings = [rerunning._Setting(name, name, options[name]) for name in singles]
+    keys = {repr(sorted(options[name].items())): name for name in options}
+
+    def remaining(_: Any, __: Any, chosen: dict[str, Any]) -> Any:
+        names = [keys[repr([item])] for item in chosen.items()]
+        size = left["".join(sorted(names))]
+        return None if size is None else np.array([0.6, 0.8]) * size
+
+    def beside_the_step(*_: Any) -> float:
+        assert beside is not None
+        return beside
+
+    monkeypatch.setattr(rerunning, "_other_settings", lambda *_: settings)
+    monkeypatch.setattr(Rerun, "_left", remaining)
+    monkeypatch.setattr(Rerun, "_beside_the_step", beside_the_step)
+    case: Any = SimpleNamespace(deviation=np.array([6.0, 8.0]), mechanism=None)
+    causes = Rerun(tb.engine("reference"), lambda *_: None).causes(case)  # type: ignore[arg-type]
+    found = [("".join(sorted(cause.name.split(", "))), cause.explained) for cause in causes]
+    assert len(dict(found)) == len(found)
+    return dict(found)
+
+
+def test_a_setting_explains_what_vanishes_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _removed(monkeypatch, a=7.0, b=9.0) == pytest.approx({"a": 0.3, "b": 0.1})
+    assert _removed(monkeypatch, a=0.5, b=12.0) == pytest.approx({"a": 0.95})
+    assert not _removed(monkeypatch, a=10.0, b=None)
+
+
+@pytest.mark.parametrize(
+    ("both", "explained"), [(1.9, 0.81), (2.1, None), (0.3, 0.97), (None, None)]
+)
+def test_two_settings_explain_it_together_if_they_leave_less_than_half_of_what_one_does(
+    both: float | None, explained: float | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = _removed(monkeypatch, a=4.0, b=7.0, ab=both)
+    pair = {} if explained is None else {"ab": explained}
+    assert found == pytest.approx({"a": 0.6, "b": 0.3} | pair)
+
+
+def test_two_settings_are_taken_out_where_one_explains_most_of_it_and_not_all(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """More than half, less than enough; and not two of one option."""
+    assert "ab" not in _removed(monkeypatch, a=5.0, b=5.0, ab=0.0)
+    assert "ab" in _removed(monkeypatch, a=4.9, b=5.0, ab=0.0)
+    assert "ab" in _removed(monkeypatch, a=0.51, b=5.0, ab=0.0)
+    assert "ab" not in _removed(monkeypatch, a=0.49, b=5.0, ab=0.0)
+    assert set(_removed(monkeypatch, a=4.0, c=5.0)) == {"a", "c"}
+    assert "bc" in _removed(monkeypatch, a=5.0, c=4.0, b=6.0, bc=0.0)
+
+
+@pytest.mark.parametrize(
+    ("left", "beside", "explained"),
+    [
+        (1.9, 0.1, 0.99),  # an eighth of a step leaves an eighth of its error
+        (1.9, 5.0, 0.81),
+        (2.1, None, 0.79),  # it does not follow the step
+        (0.4, None, 0.96),  # the finer step explains enough by itself
+    ],
+)
+def test_what_a_finer_step_leaves_of_itself_is_taken_out_too(
+    left: float, beside: float | None, explained: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert _removed(monkeypatch, beside, t=left) == pytest.approx({"t": explained})
+
+
+# when a motion parts, and sizes of what a model shows
+
+
+def _onset(
+    *metrics: Metric, reference: Formula | None = None, own: Any = None
+) -> tuple[str, float] | None:
+    """What is violated first, and when, of a motion by formulas."""
+    reference = reference or Formula()
+    motion: Any = reference
+    compared = against((own or reference).trajectory(times()), motion, END)
+    found = find_onset(compared, metrics)
+    return None if found is None else (found.first_violated, found.time)
+
+
+def test_events_violate_their_tolerance_at_the_earlier_of_their_times() -> None:
+    launch = Metric(name="launch_speed", value=9.0, unit="m/s", tolerance=1.0)
+    release = Metric(name="release_time", subject="rest", value=-0.1, unit="s", tolerance=0.01)
+    assert _onset(launch) == ("launch_speed", pytest.approx(LAUNCH))
+    assert _onset(launch.model_copy(update={"name": "launch_time"})) is not None
+    assert _onset(launch, reference=Formula(launches={})) is None
+    for early, late in ((0.4, RELEASE), (RELEASE, 0.7), (None, RELEASE)):
+        for own, right in ((early, late), (late, early)):
+            found = _onset(
+                launch, release, own=Formula(release_times={"rest": own}),
+                reference=Formula(release_times={"rest": right}),
+            )  # fmt: skip
+            assert found == ("release_time (rest)", early or late)
+    bare = Metric(name="position_max", subject="hook", value=1.0, unit="m")
+    assert _onset(bare) is None  # it has no tolerance
+
+
+@pytest.mark.parametrize("speed", [1e3, 1e-9])
+def test_forces_of_inertia_are_those_of_the_largest_speed_or_of_one_in_its_units(
+    speed: float,
+) -> None:
+    """3 kg at 2 m: 12 kg m^2."""
+    bob = hanging_bob()
+    states = [State(np.array([0.3]), np.array([u]), ()) for u in (0.0, -speed, 0.5 * speed)]
+    least = SPEED / units_of(bob).time
+    found = expected(bob, states).inertial
+    assert found == pytest.approx([12.0 * max(speed, least) ** 2])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import G, angle_stop, bouncing, everything, floor, hanging_bob
-from trebucheck.comparisons.judge import GivenImpact, judge_file, jumps, read
+from trebucheck.comparisons.judge import GivenImpact, _netcdf_impacts, judge_file, jumps, read
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.kinematics import Kinematics
 
@@ -226,3 +227,39 @@ def test_speeds_at_an_impact_are_those_of_the_first_and_the_last_sample_there(
     errors = {m.name: m.value for m in found.metrics if m.subject in ("height", "floor")}
     assert errors["impact_time"] == pytest.approx(0.0, abs=1e-9)
     assert errors["impact_speed"] == pytest.approx((1 - factor) * e * speed, abs=1e-9)
+
+
+class _Dataset(dict[str, object]):
+    """Without variables, with an attribute."""
+
+    def __init__(self, impacts: object) -> None:
+        self.attrs = {"impacts": json.dumps(impacts)}
+
+
+def test_impacts_in_an_attribute_are_those_that_push() -> None:
+    floored = hanging_bob(floor(1.9, 0.3))
+    (name,) = (stop.name for stop in floored.stops)
+    stated = [[0.5, {name: 3.0}], [0.75, {name: 0.0}], [1.0, {name: -2.0}]]
+    found = _netcdf_impacts(_Dataset(stated), floored)
+    assert [(i.stop, i.time, i.impulse) for i in found] == [(name, 0.5, 3.0), (name, 1.0, -2.0)]
+
+
+@pytest.mark.parametrize(
+    ("stop", "time", "impulse"),
+    [
+        (None, -0.1, 1.0),
+        (None, math.inf, 1.0),
+        (None, math.nan, 1.0),
+        (None, 0.5, math.inf),
+        (None, 0.5, -math.inf),
+        (None, 0.5, math.nan),
+        ("nobody", 0.5, 1.0),
+    ],
+)
+def test_impacts_of_no_stop_or_no_number_are_refused(
+    stop: str | None, time: float, impulse: float
+) -> None:
+    floored = hanging_bob(floor(1.9, 0.3))
+    stated = [[time, {stop or floored.stops[0].name: impulse}]]
+    with pytest.raises(tb.InputError):
+        _netcdf_impacts(_Dataset(stated), floored)

@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from mechanisms import G, pin
 from trebucheck.comparisons.diagnosis import fit as fitting
-from trebucheck.comparisons.diagnosis.case import PATIENCE, fit
+from trebucheck.comparisons.diagnosis.case import PATIENCE, Case, fit
 from trebucheck.comparisons.diagnosis.faults import Component, Fault
-from trebucheck.comparisons.diagnosis.fit import Fit, _first, _Lead, _leads, _solved, better
+from trebucheck.comparisons.diagnosis.fit import (
+    Fit,
+    _first,
+    _Lead,
+    _leads,
+    _solved,
+    better,
+    faults_at_the_same_motion,
+)
 from trebucheck.comparisons.runs.results import RankedCause
+from trebucheck.models.elements import GROUND
+from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck.models.problem import Problem
+from trebucheck.reference.solver import solve
 
 N, WIDTH = 25, 2
 T = np.linspace(0.04, 1.0, N)
@@ -228,3 +242,38 @@ def test_members_of_a_group_that_fit_nearly_as_well_as_its_best_are_solved() -> 
 def test_up_to_six_groups_that_account_for_all_of_it_are_solved(exact: int, solved: int) -> None:
     suspects = [(f"{k}", 0.9995 if k < exact else 0.9, 0.0) for k in range(10)]
     assert len(_led(*suspects)) == solved
+
+
+# faults that move nothing
+
+
+def _rotor(factor: float) -> dict[str, RankedCause]:
+    """Causes of the pin's force of a balanced rotor that turns evenly, off by a factor."""
+    body = Body(name="rotor", angle="a", mass=2.0, centre=(0.0, 0.0), inertia=0.5)
+    machine = Mechanism(
+        name="rotor", bodies=(body,), joints=(pin("pin", GROUND, "rotor"),), gravity=G,
+        start=(0.3,), start_speeds=(1.0,),
+    )  # fmt: skip
+    solution = solve(Problem(machine, duration=1.2))
+    right = solution.trajectory(np.linspace(0.0, 1.0, 41))
+    forces = {name: factor * force for name, force in right.joint_reactions.items()}
+    case = Case(replace(right, joint_reactions=forces), solution, 1.0)
+    return {cause.name: cause for cause in faults_at_the_same_motion(case)}
+
+
+def test_faults_that_move_nothing_explain_forces() -> None:
+    """More weight: of the mass or of gravity. What moves the rotor is no such fault."""
+    found = _rotor(1.01)
+    for name in ("gravity", "mass of the rotor"):
+        assert found[name].explained == pytest.approx(1.0, abs=1e-6)
+        assert found[name].amount == "+1 %"
+    assert found["direction of gravity"].explained < 0.1
+    assert found["no gravity"].explained == pytest.approx(-100.0)
+    assert not [name for name in found if "friction" in name or "torque" in name]
+    assert "centre of mass of the rotor, x" not in found and "inertia of the rotor" not in found
+
+
+def test_a_force_that_is_missing_is_that_of_gravity() -> None:
+    assert _rotor(0.0)["no gravity"].explained == pytest.approx(1.0)
+    assert _rotor(0.5)["gravity"].amount == "-50 %"
+    assert _rotor(-1.0)["gravity reversed"].explained == pytest.approx(1.0)

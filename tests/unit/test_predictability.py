@@ -133,6 +133,26 @@ def test_many_bodies_are_changed_together(monkeypatch: pytest.MonkeyPatch) -> No
     assert len({tuple(np.sign(each)) for each in changed[1:4]}) == 3 and not np.any(changed[4:])
 
 
+def test_beside_a_pole_forces_are_left_out_and_nothing_else() -> None:
+    """Four times, a pole beside the second and the third; the second motion ends before the last.
+
+    Rows are a position, and forces of two joints, of which the first is not unique at the start.
+    """
+    changed: Any = object.__new__(stretchings._Changed)
+    changed.t, changed.scales, changed.unchanged = np.arange(4.0), None, None
+    changed.first_force, changed.poles = 1, np.array([False, True, True, False])
+    first = np.array([[1, 0, 0, 2], [np.nan, 99, 99, 1], [2, 99, 99, 4]], dtype=complex)
+    second = np.array([[1, 3, 0], [1, 99, 99], [2, 99, 99j]], dtype=complex)
+    motions = iter((1e-6 * first, 1e-6 * second))
+    changed._moved = lambda *_: next(motions)
+
+    def read(*_: object) -> np.ndarray:
+        return np.zeros((3, 4), dtype=complex)
+
+    found = [changed.largest(["first"], read).tolist(), changed.largest(["second"], read).tolist()]
+    assert found == [pytest.approx([2, 2, 2, 4]), pytest.approx([2, 3, 3, math.inf])]
+
+
 def test_no_inertia_is_changed_to_less_than_none() -> None:
     """Point masses get as much more as other bodies get less."""
     n, inertia = 7, 1 / 12

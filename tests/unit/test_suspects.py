@@ -95,9 +95,9 @@ def test_points_are_moved_by_parts_of_the_mechanisms_length() -> None:
 
 
 def test_a_slot_is_not_moved_along_itself() -> None:
-    """Level, only up or down; tilted, along x and y."""
+    """Level, only up or down; upright, only aside; tilted, along x and y."""
     name = "place of the slot on the ground"
-    for tilt, places in ((0.0, {", y"}), (0.3, {", x", ", y"})):
+    for tilt, places in ((0.0, {", y"}), (math.pi / 2, {", x"}), (0.3, {", x", ", y"})):
         suspects = [s.name for s in machine_suspects(slider_crank(tilt=tilt))]
         assert {s.removeprefix(name) for s in suspects if s.startswith(name)} == places
 
@@ -189,6 +189,16 @@ def test_an_added_force_has_the_power_of_the_size_that_is_told(name: str) -> Non
             torque = law.components[1].scale * -3e5
             joint = law.name.removeprefix("spring on the ")
             assert added == pytest.approx(torque * _turns(mechanism, u)[joint])
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_what_only_takes_or_stores_energy_has_no_negative_size(name: str) -> None:
+    """Damping, friction, stiffness and a rotor's inertia; a torque and a tilt have either sign."""
+    laws = [law for law in _laws(MACHINES[name]()) if len(law.components) == 1]
+    for law in laws:
+        either = law.name.startswith("torque") or law.name == "direction of gravity"
+        assert (law.equations([-1.0]) is not None) == either, law.name
+        assert law.equations([1.0]) is not None
 
 
 @pytest.mark.parametrize("name", MACHINES)
