@@ -209,6 +209,18 @@ def test_the_best_release_is_in_the_fastest_of_many_turns() -> None:
         assert fly(thrown.release_at(float(t)), surroundings).range <= farthest * (1 + FLIGHT)
 
 
+@pytest.mark.parametrize("upwards", [0.5, 5.0, -0.5])
+def test_the_rate_of_a_range_in_thin_air_is_that_in_vacuum(upwards: float) -> None:
+    """From just below the ground too, if it comes up to it."""
+    height = -0.005 if upwards > 0 else 0.3
+    release = Release(0.0, (0.2, height), (3.0, upwards), (1.5, -4.0))
+    thin, vacuum = (range_rate(release, Surroundings(gravity=G, drag=k)) for k in (1e-9, 0.0))
+    assert thin == pytest.approx(vacuum, rel=1e-6)
+    assert fly(release, Surroundings(gravity=G, drag=1e-9)).range == pytest.approx(
+        fly(release, Surroundings(gravity=G)).range, rel=1e-6
+    )
+
+
 def test_the_best_release_backwards_against_drag(monkeypatch: pytest.MonkeyPatch) -> None:
     """Drag stops a throw backwards short: the range in vacuum is no bound of it."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.0, 0.0), inertia=1.0)
