@@ -290,6 +290,7 @@ _OLD_NAMES: dict[str, tuple[str, ...]] = {
     "trebucheck_toolkit.event_driver": ("engines.event_driver",),
     "trebucheck_toolkit.joint_coordinates": ("engines.joint_coordinates",),
     "trebucheck_toolkit.joint_tree": ("engines.joint_tree",),
+    "trebucheck_toolkit.node_package": ("engines.node_package",),
     "trebucheck_toolkit.node_samples": ("engines.node_samples",),
     "trebucheck_toolkit.node_scene": ("engines.node_scene",),
     "trebucheck_toolkit.plain_run": ("engines.plain_run",),

@@ -384,6 +384,20 @@ def test_a_closed_stop_must_not_move_at_the_start() -> None:
 
 
 @pytest.mark.parametrize(
+    ("solref", "there"),
+    [
+        ((0.02, 1.0), (0.005, 1.0)),  # time constant and damping ratio
+        ((-400.0, -30.0), (-6400.0, -120.0)),  # stiffness [1/s^2] and damping [1/s]
+        (None, None),
+    ],
+)
+def test_the_stiffness_of_limits_is_the_same_in_another_unit_of_time(
+    solref: tuple[float, float] | None, there: tuple[float, float] | None
+) -> None:
+    assert MujocoEngine(timestep=2e-3, solref=solref).in_time_unit(4.0).solref == there
+
+
+@pytest.mark.parametrize(
     "mechanism", [*TABLE_ONE.values(), four_bar()], ids=lambda mechanism: mechanism.name
 )
 @pytest.mark.parametrize("given", [0.0, 1e-5])

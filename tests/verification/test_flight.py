@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 from trebucheck.reference.solver import solve
+from trebucheck.reference.throw import flight
 from trebucheck.reference.throw.flight import (
     WORLDS,
     Air,
@@ -206,6 +207,42 @@ def test_the_best_release_is_in_the_fastest_of_many_turns() -> None:
     farthest = fly(best, surroundings).range
     for t in np.linspace(last_turn, duration, 300):
         assert fly(thrown.release_at(float(t)), surroundings).range <= farthest * (1 + FLIGHT)
+
+
+@pytest.mark.parametrize("upwards", [0.5, 5.0, -0.5])
+def test_the_rate_of_a_range_in_thin_air_is_that_in_vacuum(upwards: float) -> None:
+    """From just below the ground too, if it comes up to it."""
+    height = -0.005 if upwards > 0 else 0.3
+    release = Release(0.0, (0.2, height), (3.0, upwards), (1.5, -4.0))
+    thin, vacuum = (range_rate(release, Surroundings(gravity=G, drag=k)) for k in (1e-9, 0.0))
+    assert thin == pytest.approx(vacuum, rel=1e-6)
+    assert fly(release, Surroundings(gravity=G, drag=1e-9)).range == pytest.approx(
+        fly(release, Surroundings(gravity=G)).range, rel=1e-6
+    )
+
+
+def test_the_best_release_backwards_against_drag(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drag stops a throw backwards short: the range in vacuum is no bound of it."""
+    rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.0, 0.0), inertia=1.0)
+    pivot = tb.PinJoint(name="pivot", parent="ground", child="rod", parent_point=(0, 3),
+                        child_point=(0, 0))  # fmt: skip
+    machine = tb.Mechanism(
+        name="rotor",
+        bodies=(rod,),
+        joints=(pivot,),
+        markers=(tb.Marker(name="projectile", body="rod", point=(1.0, 0.0)),),
+        gravity=G,
+        start=(-1.05,),
+        start_speeds=(-8.0,),
+    )
+    thrown = Projectile(solve(tb.Problem(machine, 0.27)))
+    surroundings = Surroundings(gravity=G, drag=2.0, origin=-20.0)
+    monkeypatch.setattr(flight, "_SCAN", 30)  # a few releases show it
+    best = thrown.best_release(surroundings, until=0.27)
+    assert best is not None
+    farthest = fly(best, surroundings).range
+    for t in np.linspace(0.0, 0.27, 8):
+        assert fly(thrown.release_at(float(t)), surroundings).range <= farthest + FLIGHT
 
 
 def _best_angle(name: str, drag_area: float) -> float:

@@ -141,6 +141,15 @@ def test_derivatives_of_the_launch_are_those_of_the_whipper() -> None:
         assert opening == pytest.approx(whipper.d_release_times[stop][i], rel=1e-8)
 
 
+def test_a_motion_is_differentiated_at_its_launch_or_at_its_end() -> None:
+    still = tb.sensitivities("pendulum", numbers=["gravity"], duration=0.3)
+    assert still.time == 0.3
+    thrown = tb.sensitivities("catapult", numbers=["gravity"], duration=2.5)
+    launch = solve(tb.Problem(tb.catapult(), duration=2.5)).launch
+    assert launch is not None and thrown.time == launch.time
+    assert {row.quantity for row in thrown.derivatives} >= {"launch time", "launch speed"}
+
+
 def test_impact_times_have_derivatives() -> None:
     """A ball dropped from rest: t = sqrt(2 h / g), dt/dg = -t / (2 g)."""
     first = solve("bouncing").events[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from trebucheck.engines.node_package import NodePackage
+from trebucheck_toolkit.node_package import NodePackage
 
 RAPIER = NodePackage(
     "Rapier 2D",

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from ..models.arrays import FloatArray
-from ..models.errors import SimulationError
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.errors import SimulationError
 
 SCENE = Path(__file__).with_name("node_scene.cjs")
 """What programs that move a scene share."""

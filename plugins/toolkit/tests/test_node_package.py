@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trebucheck.engines.node_package import SCENE, NodePackage
 from trebucheck.models.errors import SimulationError
+from trebucheck_toolkit.node_package import SCENE, NodePackage
 
 
 @pytest.fixture
@@ -59,6 +59,10 @@ def test_npm_installs_in_the_folder_and_its_exit_code_is_told(package: NodePacka
             package.install()
         assert ended.value.code == code
     assert (package.folder / "asked").read_text() == 2 * f"install in {package.folder}\n"
+
+
+def test_what_programs_share_is_installed() -> None:
+    assert "module.exports" in SCENE.read_text()
 
 
 def test_samples_are_what_the_program_writes_of_the_scene(package: NodePackage) -> None:
