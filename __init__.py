@@ -78,7 +78,7 @@ def __getattr__(name: str) -> Any:
 
 def _of_satellite(name: str) -> Any:
     try:
-        return getattr(importlib.import_module(_SATELLITES[name]), name)
+        return getattr(importlib.import_module(_SATELLITES[name]), name)  # may be absent
     except ImportError as error:
         package = _SATELLITES[name].replace("_", "-")
         raise AttributeError(

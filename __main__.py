@@ -5,8 +5,8 @@ from __future__ import annotations
 import atexit
 import gc
 
-# Most of what a command makes it keeps to its end, as modules: seldom is there garbage to look for,
-# and none that the system does not free.
+# A command keeps its modules and results to its end, so that a search for garbage finds little: it
+# is made less often than Python's default, and not at the exit, where the system frees all memory.
 gc.set_threshold(20_000, 25, 25)
 atexit.register(gc.freeze)
 

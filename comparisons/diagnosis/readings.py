@@ -183,7 +183,7 @@ _SCALES: tuple[tuple[str, str, int, frozenset[Kind]], ...] = (
 
 
 def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
-    """Some kinds of quantity, of one subject or of all, times a number."""
+    """Kinds of quantity, of one subject or of all, times a number."""
     subjects = {Kind.TORQUE: r.stop_torques, Kind.FORCE: r.joint_reactions}
     for one, every, at_least, kinds in _SCALES:
         impulse = step if kinds <= _FORCES else math.nan  # a force times the step is an impulse

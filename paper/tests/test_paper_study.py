@@ -89,13 +89,13 @@ KINDS: dict[str, type[Spec]] = {
 
 @cache
 def design() -> Design:
-    """Of that study."""
+    """Section `design` of that study."""
     return Design.from_json(json.dumps(paper().sections["design"]))
 
 
 @cache
 def machines() -> Machines:
-    """Of that study."""
+    """Section `machines` of that study."""
     return Machines.from_json(json.dumps(paper().sections["machines"]))
 
 
@@ -207,7 +207,7 @@ def test_the_conditions_of_an_optimum_hold(name: str) -> None:
 
 
 def test_coinciding_costs_range() -> None:
-    """What the paper hopes for does not come about.
+    """The gain that the paper hopes for does not come about.
 
     The machine that throws farthest has its peak later.
     """
@@ -350,7 +350,7 @@ def test_no_other_sling_is_faster(name: str) -> None:
 
 
 def test_the_paper_singles_out_its_start() -> None:
-    """From figures alone: the identification was told of another one."""
+    """Figures alone lead to it: the identification was told of another one."""
     pytest.importorskip("heyoka")
     found = Identification.from_json(json.dumps(paper().sections["identification"]))
     assert found.parameters.theta0 == 0.5

@@ -164,7 +164,7 @@ class Series(Spec):
 
 
 class Study(Reported, Spec):
-    """All of it."""
+    """Verdicts on all claims, and the further studies."""
 
     format: str = FORMAT
     made: str = Field(description="date and time, ISO 8601")
