@@ -36,7 +36,7 @@ from ..reference.equations import Equations
 from ..reference.solution import Solution
 from .diagnosis.case import ENERGIES
 from .diagnosis.diagnose import diagnose_motion, failed_diagnosis
-from .runs.metrics import against, not_observed
+from .runs.metrics import UNSEEN, against, not_observed
 from .runs.record import machine_row
 from .runs.results import Diagnosis, Machine, Measured, Metric, Outcome, ResultFile, Run, verdict_on
 from .runs.runner import Runner
@@ -46,6 +46,7 @@ from .runs.tolerances import judge as judge_run
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 NOT_GIVEN = "the file does not give it"
+FAR_APART = "the samples are far apart, and what moves between them is not seen"
 TIME = "t"
 _LARGEST_FILE = 500_000_000  # [B]
 _LARGEST = 1e100  # in SI units: its square is still a number
@@ -253,7 +254,9 @@ class _FileMotion:
         closed = [f"release {stop.name}" for stop in self.mechanism.stops if stop.closed]
         launch = [f"{thrown} x", f"{thrown} vx", *closed]
         beside = impact_metrics(self.trajectory, self.impacts, solution, end)
-        for metric in (*self.runner.measured(self.trajectory), *beside):
+        metrics = (*self.runner.measured(self.trajectory), *beside)
+        far_apart = any(metric.name == UNSEEN for metric in metrics)
+        for metric in metrics:
             # Names of the columns that it is computed from
             subject = metric.subject
             needed = {
@@ -281,7 +284,13 @@ class _FileMotion:
                 "stop_torque_max": [f"stop {subject}"],
                 "joint_reaction_max": [f"joint {subject} x"],
             }
-            if self.known.issuperset(needed.get(metric.name, [])):
+            if metric.name == UNSEEN:
+                # An engine has to tell its whole motion; a file is judged where it has samples.
+                yield metric.model_copy(update={"observed": False, "note": FAR_APART})
+            elif metric.name == "energy_balance" and metric.sampling_error and far_apart:
+                why = "the samples are too far apart to tell the work of its forces"
+                yield not_observed(metric.name, metric.subject, metric.unit, why)
+            elif self.known.issuperset(needed.get(metric.name, [])):
                 yield metric
             else:
                 yield not_observed(metric.name, subject, metric.unit, NOT_GIVEN)
@@ -537,16 +546,19 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(f"line {line} is not UTF-8 text") from None
     releases, impacts = dict[str, float | None](), list[GivenImpact]()
+    comments: list[tuple[int, list[str]]] = []
     rows: list[tuple[int, list[str]]] = []
     for number, line in enumerate(lines, 1):
         with _inside(f"line {number}"):
             if line.lstrip().startswith("#"):
                 _read_comment(line, mechanism, releases, impacts)
+                if not rows:
+                    comments.append((number, _cells(line.strip().lstrip("# "), strict=False)))
             elif line.strip():
-                rows.append((number, next(csv.reader([line], strict=True))))
+                rows.append((number, _cells(line)))
     if not rows:
-        raise InputError("it is empty; a line of headings such as 't [s],q theta [rad]' is needed")
-    (first, headings), *rows = rows
+        raise InputError(f"it is empty; {_HEADINGS_NEEDED}")
+    (first, headings), *rows = _with_headings(rows, comments)
     with _inside(f"line {first}"):
         columns = _read_headings(headings, _columns_of(mechanism))
         if len(rows) < 2:
@@ -565,6 +577,40 @@ def _csv(content: bytes, mechanism: Mechanism) -> _Contents:
     return values, releases, impacts
 
 
+_HEADINGS_NEEDED = "a line of headings such as 't [s],q theta [rad]' is needed"
+
+
+def _cells(line: str, strict: bool = True) -> list[str]:
+    """Headings or numbers of a line: between commas, else between blanks as NumPy writes them."""
+    if "," in line:
+        return next(csv.reader([line], strict=strict))
+    return line.replace("]", "]\n").splitlines() if "[" in line else line.split()
+
+
+def _with_headings(
+    rows: list[tuple[int, list[str]]], comments: list[tuple[int, list[str]]]
+) -> list[tuple[int, list[str]]]:
+    """Lines of which the first has the headings, which stand in a comment where it has numbers.
+
+    `numpy.savetxt` writes its `header` so.
+    """
+    number, cells = rows[0]
+    if not all(_is_number(cell) for cell in cells):
+        return rows
+    headings = [line for line in comments if TIME in (_split_heading(cell)[0] for cell in line[1])]
+    if not headings:
+        raise InputError(f"line {number} has numbers; {_HEADINGS_NEEDED} before it")
+    return [headings[-1], *rows]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _split_heading(heading: str) -> tuple[str, str]:
     """Name and unit of 'q theta [rad]'; without brackets no unit."""
     name, bracket, rest = heading.strip().partition("[")
@@ -573,11 +619,8 @@ def _split_heading(heading: str) -> tuple[str, str]:
 
 def _read_headings(cells: list[str], columns: Mapping[str, _Units]) -> dict[str, float]:
     """SI value of the unit of each column, by its name."""
-    for mark in ";\t":
-        if len(cells) == 1 and mark in cells[0]:
-            raise InputError(
-                f"columns are separated by {mark!r}; commas are needed, and points in numbers"
-            )
+    if all(";" in cell for cell in cells[1:] or cells):
+        raise InputError("columns are separated by ';'; commas are needed, and points in numbers")
     factors: dict[str, float] = {}
     for cell in cells:
         name, unit = _split_heading(cell)

@@ -20,7 +20,7 @@ from ..comparisons.compare import MachineRuns, RunKey
 from ..comparisons.report.document import format_number
 from ..comparisons.report.pages.tables import diagnosis
 from ..comparisons.runs.balance import keeps_horizontal_momentum
-from ..comparisons.runs.metrics import THROWN
+from ..comparisons.runs.metrics import THROWN, UNSEEN
 from ..comparisons.runs.process import Worker, simulate
 from ..comparisons.runs.quantities import JUDGED
 from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
@@ -101,7 +101,8 @@ def quantities(problem: str, capabilities: Capabilities) -> tuple[str, ...]:
     mechanism, law = given(problem)
     left_out = {
         "impact_impulse", "impact_speed",  # of files only
-        "base_error",  # of motions beyond their horizon only; then it is judged with the run
+        # Of motions beyond their horizon, and of samples far apart; then judged with the run
+        "base_error", UNSEEN,
     }  # fmt: skip
     if mechanism.marker(THROWN) is None:
         left_out |= {"launch_time", "launch_speed"}

@@ -161,6 +161,7 @@ _CORRECTIONS = 4  # of a size that has no linear effect
 # of the deviation: what deviates by less is right, where other quantities are wrong
 _MISREAD = 0.01
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
+_MISSING = "missing_time"
 _STATE_METRICS = frozenset(_COORDINATES)
 _POINT_METRICS = frozenset(_POINTS)
 _FORCES = frozenset({Kind.TORQUE, Kind.FORCE})
@@ -267,7 +268,7 @@ def _outright_causes(case: Case) -> Iterator[RankedCause]:
         if marker.name not in case.whole.markers:
             yield _reading(f"no marker {marker.name}", 1.0)
     last, largest = float(case.whole.t[-1]), float(np.abs(case.differences).max())
-    if last < case.end - 2 * case.step:
+    if last < case.end and (_MISSING in case.broken or last < case.end - 2 * case.step):
         missing = 1.0 - last / case.end
         amount = f"at {last:.6g} s instead of {case.end:.6g} s"
         yield _reading("run ends early", missing / (missing + largest), amount)

@@ -29,6 +29,7 @@ from .scales import Scales, away_from_poles, scales_until
 from .stretching import PARTED, Stretching, parting
 
 EVENT_GUARD = 1.5  # steps around an event within which a sample may fall on its other side
+UNSEEN = "unseen_time"  # metric of what moves between samples that are far apart
 THROWN = "projectile"  # marker whose launch is measured, unless another one is named
 SAME_END = 1e-9  # part of the end by which an event may lie beyond it and still be within
 # Least energy at the start, in parts of the largest kinetic energy, that a drift is relative to.
@@ -86,6 +87,17 @@ class AlignedRun:
     def step(self) -> float:
         """Median interval of the samples [s]."""
         return float(np.median(np.diff(self.trajectory.t)))
+
+    @property
+    def longest_interval(self) -> float:
+        """Longest interval between samples that leaves no motion unseen [s]."""
+        return _RESOLVED * min(self.scales.time, self.end)
+
+    @cached_property
+    def unseen_intervals(self) -> FloatArray:
+        """Intervals between samples up to the end that are longer than that [s]."""
+        intervals = np.diff(np.minimum(self.trajectory.t, self.end))
+        return intervals[intervals > self.longest_interval]
 
     @cached_property
     def smooth(self) -> BoolArray:
@@ -194,7 +206,7 @@ def measure(
     reference = reference or solution.trajectory(trajectory.t)
     motions = (trajectory, reference, solution, end, trajectory.t <= end)
     c = AlignedRun(*motions, thrown, scales, invariants_to, stretching)
-    parts = (_missing_time, _motion, _launch, _releases, _impacts, _torques, _reactions)
+    parts = (_sampled_time, _motion, _launch, _releases, _impacts, _torques, _reactions)
     parts += (_energy, _invariants, _constraints)
     metrics = [metric for part in parts for metric in part(c)]
     if stretching is not None:
@@ -203,13 +215,15 @@ def measure(
     return tuple(metrics)
 
 
-def _missing_time(c: AlignedRun) -> Iterator[Metric]:
-    """Compared time without samples: before a late start, after an early end, in long gaps."""
+def _sampled_time(c: AlignedRun) -> Iterator[Metric]:
+    """Compared time before and after all samples, and between those that are far apart."""
     end = c.lasting.end
-    t = np.minimum(np.concatenate([[0.0], c.trajectory.t]), end)
-    intervals = np.diff(t)
-    missing = intervals[intervals > _RESOLVED * min(c.scales.time, end)].sum() + end - t[-1]
-    yield Metric(name="missing_time", value=float(missing), unit="s")
+    first, last = float(c.trajectory.t[0]), min(float(c.trajectory.t[-1]), end)
+    late = first if first > c.longest_interval else 0.0
+    yield Metric(name="missing_time", value=min(late, end) + end - last, unit="s")
+    unseen = c.lasting.unseen_intervals
+    if len(unseen):
+        yield Metric(name=UNSEEN, value=float(unseen.sum()), unit="s")
 
 
 def _motion(c: AlignedRun) -> Iterator[Metric]:
@@ -264,10 +278,22 @@ def _launch(c: AlignedRun) -> Iterator[Metric]:
     if not c.within(time, due):
         return
     subject = None if c.thrown == THROWN else c.thrown
-    yield _event_metric("launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
+    unknown: tuple[float | None, ...] = None, None
+    if len(c.unseen_intervals) and expected is not None:
+        # Between samples so far apart a launch is read wrongly from a right motion as well.
+        unknown = launch_errors(c.reference.launch(marker=c.thrown), expected)
+        parts = zip(unknown, (c.scales.time, c.scales.speed), strict=True)
+        if any(error is None or abs(error) > PARTED * scale for error, scale in parts):
+            for name, unit in (("launch_time", "s"), ("launch_speed", "m/s")):
+                yield not_observed(name, subject, unit, "the samples are too far apart to tell it")
+            return
+    in_time, in_speed = (None if error is None else abs(error) for error in unknown)
+    of = _event_metric("launch_time", subject, time, due, f"{c.thrown} comes to the launch angle")
+    yield of.model_copy(update={"sampling_error": in_time})
     speed = launch_errors(launch, expected)[1]
     note = "only one of the two launches" if speed is None else None
-    yield Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
+    of = Metric(name="launch_speed", subject=subject, value=speed, unit="m/s", note=note)
+    yield of.model_copy(update={"sampling_error": in_speed})
 
 
 def _releases(c: AlignedRun) -> Iterator[Metric]:

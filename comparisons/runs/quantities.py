@@ -146,6 +146,7 @@ _ALL = (
     MetricKind("base_error", "base-error", "base error"),
     MetricKind("first_parting", "first-parting", "time", follows="base_error"),
     MetricKind("missing_time", "duration", "time"),
+    MetricKind("unseen_time", "sampling", "time"),
 )
 QUANTITIES: Mapping[str, MetricKind] = {kind.name: kind for kind in _ALL}
 """Kinds of metrics by their name."""

@@ -33,7 +33,7 @@ from ...models.trajectory import Trajectory
 from ...reference.certification.certificate import Uncertainties, certified, covering_certificate
 from ...reference.solution import Solution
 from ...reference.solver import solve
-from .metrics import launch_errors, measure, points
+from .metrics import UNSEEN, launch_errors, measure, points
 from .process import TimeLimitError, Worker
 from .quantities import QUANTITIES, parse_label
 from .results import Metric, Outcome, Predictability
@@ -196,7 +196,7 @@ def reference_uncertainties(
     for measured in metrics:
         metric = measured
         # A motion that does not part shows no base error, but a bound of it.
-        left_out = metric.name in ("missing_time", "first_parting")
+        left_out = metric.name in ("missing_time", UNSEEN, "first_parting")
         if left_out or (metric.name == "base_error" and not parted):
             continue
         if metric.name in launch:

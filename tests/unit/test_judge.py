@@ -21,10 +21,11 @@ from pydantic import BaseModel
 from trebucheck.cli.app import main
 from trebucheck.comparisons import judge as judge_study
 from trebucheck.comparisons.data.certified import content
-from trebucheck.comparisons.judge import NOT_GIVEN, Judgement, judge_file, read
+from trebucheck.comparisons.judge import FAR_APART, NOT_GIVEN, Judgement, judge_file, read
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.judge import document, headline
 from trebucheck.comparisons.runs.results import Metric, Outcome
+from trebucheck.comparisons.runs.runner import Runner
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.conformance.verdicts import Conformance
 from trebucheck.models.library.registry import library_problem
@@ -41,9 +42,10 @@ def motion() -> tb.Trajectory:
     return tb.engine("reference", timestep=5e-3).simulate(tb.Problem(tb.model(MODEL), duration=2.0))
 
 
-def _unit(column: str) -> str:
+def _unit(column: str, mechanism: tb.Mechanism) -> str:
     if column[:2] in ("q ", "u "):
-        return {"q": "rad", "u": "rad/s"}[column[0]]
+        unit = "rad" if column[2:] in mechanism.angles else "m"
+        return {"q": unit, "u": f"{unit}/s"}[column[0]]
     if "energy" in column:
         return "J"
     return "N" if column.startswith("joint") else "m/s" if " v" in column else "m"
@@ -54,7 +56,9 @@ def _csv(
 ) -> Path:
     frame = motion.to_dataframe()
     chosen = frame[list(columns)] * scale if columns else frame
-    names = ",".join(["t [s]", *(f"{name} [{_unit(name)}]" for name in chosen.columns)])
+    names = ",".join(
+        ["t [s]", *(f"{name} [{_unit(name, motion.mechanism)}]" for name in chosen.columns)]
+    )
     path.write_text(f"{head}{names}\n{chosen.to_csv(header=False)}")
     return path
 
@@ -242,13 +246,51 @@ def test_units_are_converted(motion: tb.Trajectory, tmp_path: Path) -> None:
     assert _judged(path).outcome is Outcome.DISAGREES
 
 
-def test_a_file_that_ends_early_or_has_gaps_disagrees(
+@pytest.mark.parametrize("separator", [",", " ", "\t"])
+@pytest.mark.parametrize("before", ["", 'made on a "Tuesday, or so\n'])
+def test_tables_as_numpy_writes_them_are_read(
+    separator: str, before: str, motion: tb.Trajectory, tmp_path: Path
+) -> None:
+    table, path = np.column_stack([motion.t, motion.q, motion.u]), tmp_path / "n.csv"
+    header = before + separator.join(["t [s]", "q theta [rad]", "u theta [rad/s]"])
+    np.savetxt(path, table, delimiter=separator, header=header, footer="the end")
+    found = read(path, motion.mechanism)
+    assert found.values["q theta"] == pytest.approx(motion.q[:, 0], rel=1e-15)
+    assert found.values["u theta"] == pytest.approx(motion.u[:, 0], rel=1e-15)
+
+
+def test_a_file_that_ends_early_disagrees_whether_its_samples_are_close_or_far_apart(
     motion: tb.Trajectory, tmp_path: Path
 ) -> None:
     text = _csv(tmp_path / "all.csv", motion, *STATE).read_text().splitlines()
-    for name, kept in (("early.csv", text[:200]), ("gap.csv", [*text[:100], *text[250:]])):
-        (tmp_path / name).write_text("\n".join(kept))
-        assert "missing_time" in {metric.name for metric in _judged(tmp_path / name).broken}
+    for kept in (text[:200], [text[0], *text[1:242:60]]):
+        (tmp_path / "early.csv").write_text("\n".join(kept))
+        found = _judged(tmp_path / "early.csv")
+        assert "missing_time" in {metric.name for metric in found.broken}
+        assert found.diagnosis
+        assert [cause.name for cause in found.diagnosis.named] == ["run ends early"]
+
+
+@pytest.mark.parametrize("model", [MODEL, "damped-oscillator", "bouncing"])
+def test_a_file_is_judged_where_it_has_samples_however_far_apart(
+    model: str, tmp_path: Path
+) -> None:
+    """Two characteristic times apart; then what lies between samples is said not to be seen."""
+    study = Study([model], [], ())
+    (mechanism,) = study.mechanisms
+    runner = Runner(mechanism, None, study.end_of(mechanism), study.law_of(mechanism))
+    problem = tb.Problem(mechanism, duration=runner.end, stop_law=study.law_of(mechanism))
+    t = np.linspace(0.0, runner.end, max(5, round(runner.end / (2 * runner.scales.time))))
+    sparse = solve(problem).trajectory(t)
+    names = [f"{kind} {name}" for kind in "qu" for name in mechanism.coordinates]
+    found = judge_file(_csv(tmp_path / "s.csv", sparse, *names), study)
+    assert found.outcome is Outcome.AGREES
+    (unseen,) = _of(found, "unseen_time")
+    assert unseen.value == pytest.approx(runner.end) and not unseen.observed
+    assert FAR_APART in markdown.text(document(found))
+    wrong = judge_file(_csv(tmp_path / "w.csv", sparse, *names, scale=1.01), study)
+    assert wrong.outcome is Outcome.DISAGREES
+    assert "missing_time" not in {metric.name for metric in wrong.broken}
 
 
 def test_releases_are_judged(tmp_path: Path) -> None:
@@ -272,6 +314,10 @@ def test_releases_are_judged(tmp_path: Path) -> None:
 
 BROKEN = [
     ("", "it is empty"),
+    ("0,1\n1,2\n", "line 1 has numbers; a line of headings"),
+    ("# made on a Tuesday\n0 1\n1 2\n", "line 2 has numbers; a line of headings"),
+    ("# t [s],q thata [rad]\n0,1\n1,2\n", "line 1: there is no column 'q thata'"),
+    ("t [s];q theta [rad]\n0;1\n1;2\n", "line 1: columns are separated by ';'"),
     ("t [s],q theta [rad]\n", "line 1: 0 lines of numbers follow; at least two are needed"),
     (
         "t [s],q thata [rad]\n0,1\n1,2\n",

@@ -799,20 +799,21 @@ def test_a_stop_that_pushes_at_a_distance_is_seen() -> None:
 
 
 @pytest.mark.parametrize(
-    ("t", "missing"),
+    ("t", "missing", "unseen"),
     [
-        (T, 0.0),
-        (T[T <= 1.5], 0.0),
-        (T[T <= 1.2 + 1e-9], 0.3),
-        (times(0.25), 0.0),
-        (np.arange(0.0, 2.2, 0.3), 1.5),  # longer than half of sqrt(1/3) s
-        (np.array([0.0, 2.0]), 1.5),
-        (np.concatenate([T[T < 0.41], T[T > 0.99]]), 0.6),
-        (np.concatenate([T[T < 1.005], [1.9]]), 0.5),
-        (np.concatenate([T[T < 1.405], [1.9]]), 0.0),
-        (np.concatenate([[0.0], T[T > 1.0]]), 1.01),
-        (np.repeat(T, 2), 0.0),
-        (T[T > 0.995], 1.0),
+        (T, 0.0, 0.0),
+        (T[T <= 1.5], 0.0, 0.0),
+        (T[T <= 1.2 + 1e-9], 0.3, 0.0),
+        (times(0.25), 0.0, 0.0),
+        (np.arange(0.0, 2.2, 0.3), 0.0, 1.5),  # longer than half of sqrt(1/3) s
+        (np.arange(0.0, 1.3, 0.3), 0.3, 1.2),
+        (np.array([0.0, 2.0]), 0.0, 1.5),
+        (np.concatenate([T[T < 0.41], T[T > 0.99]]), 0.0, 0.6),
+        (np.concatenate([T[T < 1.005], [1.9]]), 0.0, 0.5),
+        (np.concatenate([T[T < 1.405], [1.9]]), 0.0, 0.0),
+        (np.concatenate([[0.0], T[T > 1.0]]), 0.0, 1.01),
+        (np.repeat(T, 2), 0.0, 0.0),
+        (T[T > 0.995], 1.0, 0.0),
     ],
     ids=[
         "whole",
@@ -820,6 +821,7 @@ def test_a_stop_that_pushes_at_a_distance_is_seen() -> None:
         "truncated",
         "coarse",
         "too coarse",
+        "too coarse and truncated",
         "two",
         "gap",
         "late",
@@ -829,16 +831,21 @@ def test_a_stop_that_pushes_at_a_distance_is_seen() -> None:
         "late start",
     ],
 )
-def test_compared_time_without_samples_is_missing(t: Any, missing: float) -> None:
+def test_what_is_missing_lies_before_or_behind_the_samples_and_the_unseen_between_them(
+    t: Any, missing: float, unseen: float
+) -> None:
     found = _measured(REFERENCE.trajectory(t))
     assert found["missing_time"].value == pytest.approx(missing, abs=1e-12)
+    assert ("unseen_time" in found) is bool(unseen)
+    if unseen:
+        assert found["unseen_time"].value == pytest.approx(unseen, abs=1e-12)
 
 
 def test_a_short_end_needs_samples_of_its_own() -> None:
     """Half the end counts where that is less than half the characteristic time."""
     found = _measured(REFERENCE.trajectory(np.array([0.0, 0.11, 0.2])), end=0.1)
-    assert found["missing_time"].value == pytest.approx(0.1)
-    assert _measured(REFERENCE.trajectory(times(0.05)), end=0.1)["missing_time"].value == 0.0
+    assert found["unseen_time"].value == pytest.approx(0.1)
+    assert "unseen_time" not in _measured(REFERENCE.trajectory(times(0.05)), end=0.1)
 
 
 def test_the_compared_time_lasts_as_long_as_invariants_are() -> None:
@@ -868,7 +875,7 @@ def test_a_comparison_is_cut_at_its_end_and_knows_its_step_and_scales() -> None:
 
 def test_given_scales_and_reference_are_taken() -> None:
     scales = against(OWN, REFERENCE, END).scales.model_copy(update={"time": 1e-3})  # type: ignore[arg-type]
-    assert _measured(OWN, scales=scales)["missing_time"].value == pytest.approx(END)
+    assert _measured(OWN, scales=scales)["unseen_time"].value == pytest.approx(END)
     moved = _own(q=OWN.q + _column(0, np.ones(len(T))))
     assert _measured(OWN, reference=REFERENCE) == _measured(OWN)
     found = {m.label: m.value for m in measure(OWN, REFERENCE, END, moved)}  # type: ignore[arg-type]

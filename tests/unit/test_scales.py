@@ -255,6 +255,7 @@ def test_each_quantity_is_measured_in_its_own_scale() -> None:
         ("stop_penetration", "wall"): 3.0,
         ("joint_gap_max", "pivot"): 3.0,
         ("missing_time", None): time,
+        ("unseen_time", None): time,
         ("energy_drift", None): 1.0,
         ("base_error", None): 0.01,
     }
@@ -318,6 +319,7 @@ def test_a_quantity_knows_its_subjects() -> None:
         "energy": (),
         "momentum": (),
         "duration": (),
+        "sampling": (),
         "base-error": (),
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...judge import NOT_GIVEN, Judgement
+from ...judge import FAR_APART, NOT_GIVEN, Judgement
 from ...runs.quantities import QUANTITIES
 from ...runs.results import Outcome
 from .. import document as doc
@@ -28,6 +28,9 @@ def headline(judgement: Judgement) -> str:
     if missing:
         many = "quantity is" if missing == 1 else "quantities are"
         rest = f"; {missing} {many} not given, and not judged"
+    unseen = next((m.value for m in judgement.metrics if m.note == FAR_APART), None)
+    if unseen is not None:
+        rest += f"; {unseen:.3g} s between samples that are far apart is not seen"
     verdict = judgement.outcome.value
     if judgement.outcome is Outcome.AGREES:
         verdict = "agrees in what it gives"

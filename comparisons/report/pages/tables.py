@@ -25,6 +25,7 @@ MARKS: dict[Outcome, doc.Mark] = {
     Outcome.UNSUPPORTED: "warning",
 }
 """Marks of verdicts."""
+_MOST_OF_IT = 0.5  # share of a deviation below which a suspect is no cause
 _LISTED = 5  # singular positions whose times are stated
 # Why nothing is compared beyond the predictability horizon
 _HORIZON = (
@@ -101,8 +102,9 @@ def diagnosis(run: Measured) -> list[str]:
     shares = "; ".join(
         f"{_amount(cause)}: {100 * cause.explained:.1f} % of it"
         for cause in diagnosed.named or diagnosed.causes[:3]
+        if cause.explained >= _MOST_OF_IT
     )
-    likeliest = "Cause unknown: no suspect accounts for it."
+    likeliest = "Cause unknown: no suspect accounts for half of it."
     if diagnosed.named:
         others = diagnosed.causes[diagnosed.likeliest :]
         alike = ", ".join(cause.name for cause in others if cause.explained >= SAME)
