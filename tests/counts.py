@@ -37,7 +37,7 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 53072,
+    "lines": 53320,
     "modules": 219,
     "modules with one importer": 47,
     "public class names used twice": 1,

@@ -280,6 +280,11 @@ class Case:
     @cached_property
     def trajectory(self) -> Trajectory:
         """The recorded trajectory at some of its times."""
+        return thinned(self.whole, self._chosen)
+
+    @cached_property
+    def _chosen(self) -> IndexArray:
+        """Samples that are looked at."""
         # Without the start: an engine that records its states late starts there.
         compared = np.arange(1, self._compared)
         t, guard = self.whole.t[compared], EVENT_GUARD * self.step
@@ -291,7 +296,12 @@ class Case:
         if (~beside).sum() > _FEWEST:
             compared = compared[~beside]
         chosen = np.unique(np.linspace(0, len(compared) - 1, _SAMPLES).astype(int))
-        return thinned(self.whole, compared[chosen])
+        return compared[chosen]
+
+    @cached_property
+    def compared_reference(self) -> Trajectory:
+        """The reference's trajectory at all compared times."""
+        return self.solution.trajectory(self.whole.t[: self._compared])
 
     @property
     def t(self) -> FloatArray:
@@ -372,6 +382,10 @@ class Case:
         """Signature of a trajectory at the same times, flat."""
         differences = self.channels.differences(self.channels.stacked(wrong), self._right)
         return (self.weights * differences).ravel()
+
+    def at_its_times(self, other: Trajectory) -> FloatArray:
+        """Signature of another trajectory at the times of the whole one, flat."""
+        return self.signature(thinned(other, self._chosen))
 
     def carried(self, other: Trajectory) -> FloatArray:
         """Signature of a trajectory at other times, interpolated between its nearest samples."""

@@ -36,6 +36,7 @@ from ..runs.quantities import Kind
 from ..runs.results import Diagnosis, Equality, Metric, RankedCause
 from ..runs.runner import failure
 from .case import Case, factor_of, fit, share_of
+from .derivatives import mismatches
 from .equivalence import (
     EXACT,
     check_model,
@@ -251,6 +252,8 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
         rest = [share for share in case.shares.values() if not share > _MISREAD]
         name = f"reading of the {', '.join(quantity.text for quantity in wrong)}"
         causes.append(_reading(name, 1.0 - float(np.linalg.norm(rest)), "the motion is right"))
+    if not ranked(causes)[1]:
+        causes += _mismatch_causes(case)
     return ranked(causes)
 
 
@@ -316,6 +319,27 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
             factors = best
         if explained > 0 and factors[0] >= reading.least:
             yield _reading(reading.name, explained, reading.text(factors.tolist()))
+
+
+def _mismatch_causes(case: Case) -> Iterator[RankedCause]:
+    """Speeds and places of which either cannot be those of the other's motion.
+
+    In a file what then is left may have causes of its own, which are named beside.
+    """
+    size = float(np.linalg.norm(case.deviation))
+    for mismatch in mismatches(case.whole, case.compared_reference, case.told):
+        left = float(np.linalg.norm(case.at_its_times(mismatch.mended))) / size
+        yield _reading(mismatch.name, 1.0 - left, mismatch.amount)
+        if case.told is None or not 1.0 - SUFFICIENT < left < 1.0 - TELLING:
+            continue
+        listed, named = _ranked_causes(replace(case, whole=mismatch.mended), None)
+        for rest in listed[:named]:
+            both = {
+                "name": f"{mismatch.name}, and {rest.name}",
+                "amount": "; ".join(filter(None, (mismatch.amount, rest.amount))),
+                "explained": 1.0 - (1.0 - rest.explained) * left,
+            }
+            yield rest.model_copy(update=both)
 
 
 def _motion_agrees(case: Case) -> bool:

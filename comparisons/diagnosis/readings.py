@@ -204,12 +204,12 @@ def _scales(r: Trajectory, step: float) -> Iterator[Reading]:
             yield Reading(
                 f"scale of {what}",
                 (wrong,),
-                lambda f, impulse=impulse: _scale_text(f[0], impulse),
+                lambda f, impulse=impulse: scale_text(f[0], impulse),
                 least=least,
             )
 
 
-def _scale_text(factor: float, step: float = math.nan) -> str:
+def scale_text(factor: float, step: float = math.nan) -> str:
     """The mistake that adds `factor` times the right value; a sign or a unit where it is one.
 
     Args:
@@ -340,7 +340,7 @@ def _energies(r: Trajectory) -> Iterator[Reading]:
         part = potential - Equations(other).potential_energy(r.q)
         if part.any() and _is_part(part, potential):
             wrong = replace(r, potential_energy=potential + part)
-            yield Reading(f"{name} in the potential energy", (wrong,), lambda f: _scale_text(f[0]))
+            yield Reading(f"{name} in the potential energy", (wrong,), lambda f: scale_text(f[0]))
     bodies = [body.model_copy(update={"centre": (0.0, 0.0)}) for body in m.bodies]
     at_origins = Equations(m.model_copy(update={"bodies": tuple(bodies)})).potential_energy(r.q)
     if (at_origins != potential).any():
@@ -670,9 +670,10 @@ def _orders(r: Trajectory, given: Trajectory) -> Iterator[Reading]:
     names = r.mechanism.coordinates
     texts: list[str] = []
     wrong: list[FloatArray] = []
-    for right, recorded in ((r.q, given.q), (r.u, given.u)):
+    kinds = ("coordinates ", r.q, given.q), ("speeds of the coordinates ", r.u, given.u)
+    for of, right, recorded in kinds:
         columns = dict(zip(names, right.T, strict=True))
-        exchanged = _exchange("coordinates ", columns, dict(zip(names, recorded.T, strict=False)))
+        exchanged = _exchange(of, columns, dict(zip(names, recorded.T, strict=False)))
         order = list(names)
         if exchanged is not None:
             order = list(exchanged[1].values())

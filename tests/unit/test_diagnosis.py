@@ -650,6 +650,7 @@ def _asked(
     for function, kind in (
         ("_reading_causes", "reading"), ("fitting_faults", "fitted"), ("_law_causes", "law"),
         ("_gross_causes", "gross"), ("faults_at_the_same_motion", "same motion"),
+        ("_mismatch_causes", "mismatch"),
     ):  # fmt: skip
         monkeypatch.setattr(diagnosing, function, lambda _, kind=kind: suspect(kind))
     monkeypatch.setattr(diagnosing, "_outright_causes", lambda _: [])
@@ -682,7 +683,8 @@ def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.M
         ({"fitted": 0.99}, FAULTS, 1),
         ({"fitted": 0.98}, [*FAULTS, "gross"], 1),  # it may be something worse
         ({"gross": 0.96}, [*FAULTS, "gross"], 1),
-        ({"gross": 0.9}, [*FAULTS, "gross", "again"], 0),
+        ({"gross": 0.9}, [*FAULTS, "gross", "again", "mismatch"], 0),
+        ({"mismatch": 0.96}, [*FAULTS, "gross", "again", "mismatch"], 1),
         ({"gross": 0.9, "again": 0.99}, [*FAULTS, "gross", "again"], 1),
     ],
 )
@@ -692,13 +694,14 @@ def test_the_next_kind_of_suspects_is_asked_for_where_the_last_explains_too_litt
     asked, _, how_many = _asked(monkeypatch, **shares)
     assert asked == kinds and how_many == named
     asked, _, _ = _asked(monkeypatch, rerun=False, **shares)
-    assert asked == [kind for kind in kinds if kind != "again"]
+    last = ["mismatch"] if "again" in kinds else []
+    assert asked == [kind for kind in kinds if kind not in ("again", "mismatch")] + last
 
 
 def test_where_nothing_moves_what_is_missing_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _asked(monkeypatch, still=0.95)[0] == [*FAULTS, "missing", "gross"]
     assert _asked(monkeypatch, still=0.9999)[0] == ["reading", "missing", "gross"]
-    assert _asked(monkeypatch, still=0.94)[0] == [*FAULTS, "gross", "again"]
+    assert _asked(monkeypatch, still=0.94)[0] == [*FAULTS, "gross", "again", "mismatch"]
 
 
 def test_what_no_suspect_explains_at_the_right_motion_is_a_reading(

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -35,6 +36,7 @@ from trebucheck.reference.solver import solve
 
 MODEL = "catapult"
 STATE = ("q theta", "u theta")
+MOVING = ("q a1", "q a2", "u a1", "u a2")
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +119,70 @@ def test_a_broken_file_gets_its_cause_from_what_it_gives(
     assert gravity in said[2] and clock in named[2]
     assert "**Why:** Differs from the reference" in said[0]
     assert _judged(_csv(tmp_path / "right.csv", motion)).diagnosis is None
+
+
+PENDULUM = library_problem("double-pendulum")
+assert PENDULUM is not None
+ZERO = np.array([0.0, 0.3])
+WEAK = PENDULUM.mechanism.model_copy(update={"gravity": 9.7})
+SPEEDS: dict[str, tuple[tb.Mechanism, Callable[[Any, Any], Any], set[str]]] = {
+    "right": (PENDULUM.mechanism, lambda u, _: u, set()),
+    "one by a factor": (PENDULUM.mechanism, lambda u, _: u * [1.05, 1], {"a1 times 1.05"}),
+    "one in degrees": (PENDULUM.mechanism, lambda u, _: u * [1, 180 / np.pi], {"a2 degrees"}),
+    "one half a step early": (
+        PENDULUM.mechanism,
+        lambda u, early: np.stack([early[:, 0], u[:, 1]], axis=1),
+        {"a1 by -0.005 s, -0.5 steps"},
+    ),
+    "one from another zero": (
+        PENDULUM.mechanism,
+        lambda u, _: u + np.array([0, 0.3]),
+        {"a2 +0.3 rad/s"},
+    ),
+    "one of another course": (
+        PENDULUM.mechanism,
+        lambda u, _: u + np.outer(np.sin(np.arange(len(u))), [0.5, 0]),
+        {"a1"},
+    ),
+    "in a wrong motion": (
+        WEAK,
+        lambda u, _: u * [1.05, 1],
+        {"a1 times 1.05", "gravity", "-1.12 %"},
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", SPEEDS)
+def test_speeds_that_are_not_the_derivatives_are_named(wrong: str, tmp_path: Path) -> None:
+    """By what is wrong with them, in right motions and in wrong ones."""
+    mechanism, mistake, words = SPEEDS[wrong]
+    solution = solve(tb.Problem(mechanism, duration=1.1))
+    t = np.linspace(0.0, 1.1, 111)
+    early = solution.trajectory(np.maximum(t - 0.005, 0.0)).u
+    moved = solution.trajectory(t)
+    path = _csv(tmp_path / "s.csv", replace(moved, u=mistake(moved.u, early)), *MOVING)
+    found = judge_file(path, Study(["double-pendulum"], [], (), until=1.0))
+    if not words:
+        assert found.outcome is Outcome.AGREES
+        return
+    assert found.diagnosis is not None
+    (cause,) = found.diagnosis.named
+    said = f"{cause.name} {cause.amount}"
+    assert all(word in said for word in {"speeds that are not the derivatives", *words})
+    assert ("a1" in cause.amount, "a2" in cause.amount) == tuple(
+        any(name in word for word in words) for name in ("a1", "a2")
+    )
+
+
+def test_coordinates_that_are_not_the_integrals_of_right_speeds_are_named(tmp_path: Path) -> None:
+    solution = solve(tb.Problem(WEAK.model_copy(update={"gravity": 9.81}), duration=1.1))
+    moved = solution.trajectory(np.linspace(0.0, 1.1, 111))
+    path = _csv(tmp_path / "s.csv", replace(moved, q=moved.q * [1.05, 1]), *MOVING)
+    found = judge_file(path, Study(["double-pendulum"], [], (), until=1.0))
+    assert found.diagnosis is not None
+    (cause,) = found.diagnosis.named
+    assert "coordinates that are not the integrals" in cause.name
+    assert cause.amount == "a1 times 1.05"
 
 
 def test_a_diagnosis_that_fails_says_so(
@@ -288,7 +354,7 @@ def test_a_file_is_judged_where_it_has_samples_however_far_apart(
     (unseen,) = _of(found, "unseen_time")
     assert unseen.value == pytest.approx(runner.end) and not unseen.observed
     assert FAR_APART in markdown.text(document(found))
-    wrong = judge_file(_csv(tmp_path / "w.csv", sparse, *names, scale=1.01), study)
+    wrong = judge_file(_csv(tmp_path / "w.csv", sparse, *names, scale=1.01), study, False)
     assert wrong.outcome is Outcome.DISAGREES
     assert "missing_time" not in {metric.name for metric in wrong.broken}
 

@@ -20,9 +20,9 @@ from trebucheck.comparisons.diagnosis.readings import (
     _known_points,
     _markers,
     _orders,
-    _scale_text,
     all_readings,
     partly_late_readings,
+    scale_text,
 )
 from trebucheck.comparisons.runs.quantities import Kind
 from trebucheck.models.elements import GROUND
@@ -367,7 +367,7 @@ def test_the_sizes_of_energies_are_told() -> None:
     ],
 )
 def test_a_factor_is_told_as_the_mistake_that_it_is(factor: float, text: str) -> None:
-    assert _scale_text(factor, STEP) == text
+    assert scale_text(factor, STEP) == text
 
 
 def test_only_a_force_is_told_in_steps() -> None:
