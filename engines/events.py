@@ -35,6 +35,7 @@ event again, up to the event. An engine whose time step must not change implemen
 from __future__ import annotations
 
 import functools
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -66,6 +67,7 @@ SAME_TIME = 1e-12  # [s] times closer than this are one instant
 TOGETHER = 1e-9  # [s] impacts closer than this are resolved at once
 MOST_IMPACTS = 10_000
 ROUNDING = 1e-15  # times closer than this (relatively) are one time
+ROUNDING_OF_STEPS = 1e-12  # of a number of steps
 _TOUCHING = 1e-11  # [rad, m] an inactive contact with a gap below this takes part in an impact
 _RECENT = 10  # impacts that are searched for those within TOGETHER
 _MOVING = 1e-12  # [rad/s, m/s], or of the terms of a gap speed: below this it is rounding error
@@ -163,6 +165,33 @@ def refuse_moving_gaps(mechanism: Mechanism, engine: str) -> None:
                 f"{engine} cannot start with stop {stop.name!r} closed while its gap changes at "
                 f"{terms.sum():.3g} {stop.speed_unit}: that is an impact or an opening at t = 0."
             )
+
+
+def whole_steps(duration: float, timestep: float) -> int:
+    """Number of whole time steps [s] up to the end of a duration [s], or just beyond."""
+    return math.ceil(duration / timestep * (1 - ROUNDING_OF_STEPS))
+
+
+def note_own_releases(
+    events: ContactEvents, times: FloatArray, efforts: Mapping[str, FloatArray]
+) -> None:
+    """Note the releases of an engine that holds its stops itself.
+
+    A stop that was closed is called released at the end of the first step after which it has no
+    force; at the start, where it has none after the first step either: the limits of many engines
+    begin without force.
+
+    Args:
+        events: of the run.
+        times: of its samples [s], shape (n,); the first one is the start.
+        efforts: torque or force of each stop in the samples [N m, N], shape (n,).
+    """
+    for stop in events.mechanism.stops:
+        without = np.flatnonzero(efforts[stop.name][1:] <= 0.0)
+        if stop.closed and len(without):
+            first = int(without[0]) + 1
+            opened = 0.0 if first == 1 and efforts[stop.name][0] <= 0.0 else times[first]
+            events.release([stop.name], float(opened))
 
 
 # --- The driver

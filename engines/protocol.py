@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self, cast, runtime_checkable
 
@@ -40,8 +40,9 @@ from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .options import current_name
+from .presets import ASSISTED, DEFAULT, SETTINGS
 from .study import EngineStudy
-from .supplied import Supplied
+from .supplied import NOTHING, Assistance, Supplied, by_part
 
 _MOST_STEPS = 20_000_000
 # Of a run's samples while it is read, sent from its process, compared and written: seven were
@@ -164,7 +165,7 @@ def _version_of(package: str) -> str:
 class EngineOptions(Spec):
     """Numerical options of an engine: frozen, validated, recorded with every trajectory."""
 
-    preset: str = Field(default="tuned", description="the preset these options were made from")
+    preset: str = Field(default=ASSISTED, description="the preset these options were made from")
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
 
     @model_validator(mode="before")
@@ -187,7 +188,7 @@ class EngineOptions(Spec):
 
 
 class BuiltinEngine(EngineOptions, ABC):
-    """Base class of engines; fields are numerical options, their defaults the tuned preset."""
+    """Base class of engines; fields are numerical options, their defaults the assisted preset."""
 
     name: ClassVar[str]
     package: ClassVar[str]
@@ -195,27 +196,37 @@ class BuiltinEngine(EngineOptions, ABC):
     module: ClassVar[str | None] = None
     """The module, where it has another name than the distribution."""
     capabilities: ClassVar[Capabilities]
-    stock_options: ClassVar[Mapping[str, object]]
-    """What the engine's documentation leads to, where it differs from the tuned defaults."""
+    default_options: ClassVar[Mapping[str, object] | None] = None
+    """The engine's own defaults, where they differ from the assisted preset; None: no such preset.
+
+    An engine without steps of its own has neither this nor :attr:`settings_options`.
+    """
+    settings_options: ClassVar[Mapping[str, object] | None] = None
+    """Options of the engine itself with the least error, where they differ from `assisted`."""
+    assistance: ClassVar[tuple[Assistance, ...] | None] = None
+    """All that trebucheck does in the engine's place, each with the options that switch it off.
+
+    None: not stated.
+    """
+    readings: ClassVar[Supplied] = NOTHING
+    """Quantities that the adapter computes from the engine's motion, with every option."""
     tables: ClassVar[EngineStudy] = EngineStudy()
     """What studies know of it; the default is what they know of any engine."""
 
     @classmethod
-    def stock(cls, /, **options: Any) -> Self:
-        """Settings that the engine's documentation leads a newcomer to."""
-        fields: dict[str, Any] = {**cls.stock_options, "preset": "stock", **options}
-        return cls(**fields)
-
-    @classmethod
-    def tuned(cls, /, **options: Any) -> Self:
-        """The most accurate settings found at this cost."""
-        fields: dict[str, Any] = {"preset": "tuned", **options}
-        return cls(**fields)
-
-    @classmethod
     def presets(cls) -> dict[str, Callable[..., Self]]:
-        """Makers of this engine by preset name."""
-        return {"stock": cls.stock, "tuned": cls.tuned}
+        """Makers of this engine by the name of the preset."""
+        changed = {DEFAULT: cls.default_options, SETTINGS: cls.settings_options, ASSISTED: {}}
+        return {
+            preset: partial(cls._made, preset, options)
+            for preset, options in changed.items()
+            if options is not None
+        }
+
+    @classmethod
+    def _made(cls, preset: str, changed: Mapping[str, object], /, **options: Any) -> Self:
+        fields: dict[str, Any] = {**changed, "preset": preset, **options}
+        return cls(**fields)
 
     @classmethod
     def study(cls) -> EngineStudy:
@@ -287,9 +298,40 @@ class BuiltinEngine(EngineOptions, ABC):
         return frozenset()
 
     @property
+    def assisted_by(self) -> tuple[Assistance, ...]:
+        """The assistance that these options ask for; the engine is alone where there is none."""
+        settings = self.settings
+        return tuple(each for each in self.assistance or () if each.is_on(settings))
+
+    @property
     def supplied(self) -> Supplied | None:
         """Parts of a run that trebucheck does with these options; None: not stated."""
-        return None
+        if self.assistance is None:
+            return None
+        return {**self.readings, **by_part(self.assisted_by)}
+
+    def script(self, problem: Problem) -> str:
+        """A program with nothing but the engine's interface whose states are those of a run.
+
+        It leaves arrays `t` [s] of shape (n,) and `q`, `u` of shape (n, n_q): the coordinates and
+        speeds of the mechanism, equal to those of :meth:`simulate` to the last bit.
+
+        Raises:
+            InputError: with these options trebucheck does a part of the run.
+            UnsupportedProblemError: the adapter writes no program, or cannot build the mechanism.
+        """
+        self._refuse_what_cannot_run(problem)
+        if self.supplied is None or self.assisted_by:
+            does = "; ".join(each.does for each in self.assisted_by) or "not stated"
+            raise InputError(
+                f"{self.name} has no program of its own with these options, as trebucheck takes "
+                f"part in the run: {does}. The presets {DEFAULT!r} and {SETTINGS!r} have one."
+            )
+        return self._script(problem)
+
+    def _script(self, problem: Problem) -> str:
+        """Write the program of :meth:`script`."""
+        raise UnsupportedProblemError(f"the adapter of {self.name} writes no program of a run.")
 
     @abstractmethod
     def _run(self, problem: Problem) -> Recording:

@@ -8,10 +8,16 @@ of verdicts show it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from types import MappingProxyType
-from typing import cast
+from typing import Any, cast
+
+from pydantic import JsonValue
+
+from ..models.mechanism import Mechanism
+from .study import same_value
 
 
 class Part(StrEnum):
@@ -23,6 +29,12 @@ class Part(StrEnum):
     ELEMENTS = "springs, dampers and motors"
     EVENTS = "when stops open and are met"
     IMPACTS = "impulses of impacts"
+    START = "the first step"
+    CORRECTIONS = "corrections in each step"
+    SUBSTEPS = "shorter steps between events"
+    RESTARTS = "new starts within a run"
+    MODEL = "joints and bodies in another form"
+    UNITS = "units of the mechanism's size"
     REACTIONS = "joint forces read off the motion"
     TORQUES = "stop forces read off the motion"
 
@@ -53,12 +65,58 @@ LIMITED: Supplied = MappingProxyType({Part.ELEMENTS: "", Part.TORQUES: ""})
 """By :class:`.joint_tree.LimitedMotion`, of an engine that steps and holds limits itself."""
 
 
-def stated(engine: object) -> dict[str, str] | None:
-    """The parts that an engine states; None of one that states nothing."""
+@dataclass(frozen=True)
+class Assistance:
+    """Something that trebucheck does in an engine's place, and how it is switched off."""
+
+    part: Part
+    does: str
+    """What trebucheck does, as a verb with its object."""
+    option: str
+    """Name of the option that asks for it."""
+    off: JsonValue
+    """Value of that option without it."""
+    depending: Mapping[str, JsonValue] = field(default_factory=dict[str, JsonValue])
+    """Options that have to be set as well where it is off: they are refused without it."""
+    acts_on: Callable[[Mechanism], bool] = lambda _: True
+    """Whether it can change the motion of a mechanism."""
+
+    def is_on(self, settings: Mapping[str, Any]) -> bool:
+        """Tell whether it is asked for by these options."""
+        return not same_value(settings[self.option], self.off)
+
+    @property
+    def options_without(self) -> dict[str, JsonValue]:
+        """The options that switch it off."""
+        return {self.option: self.off, **self.depending}
+
+
+def by_part(assistance: Iterable[Assistance]) -> dict[Part, str]:
+    """What trebucheck does by the part of a run."""
+    does: dict[Part, list[str]] = {}
+    for each in assistance:
+        does.setdefault(each.part, []).append(each.does)
+    return {part: ", ".join(texts) for part, texts in does.items()}
+
+
+def stated(engine: object, mechanism: Mechanism | None = None) -> dict[str, str] | None:
+    """The parts that an engine states; None of one that states nothing.
+
+    Args:
+        engine: any object with a mapping `supplied`.
+        mechanism: assistance that cannot act on it is left out; None: all is stated.
+    """
     given = getattr(engine, "supplied", None)
     if not isinstance(given, Mapping):
         return None
-    return {str(part): str(of) for part, of in cast("Supplied", given).items()}
+    parts = {str(part): str(of) for part, of in cast("Supplied", given).items()}
+    if mechanism is not None:
+        assistance = cast("tuple[Assistance, ...]", getattr(engine, "assisted_by", ()))
+        acting = by_part(each for each in assistance if each.acts_on(mechanism))
+        idle = {str(each.part) for each in assistance}.difference(map(str, acting))
+        parts = {part: of for part, of in parts.items() if part not in idle}
+        parts |= {str(part): of for part, of in acting.items()}
+    return parts
 
 
 def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> frozenset[Part]:
@@ -70,6 +128,7 @@ def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> fro
         Part.IMPACTS: stops and impacts,
         Part.LOOPS: loops,
         Part.ELEMENTS: elements,
+        Part.RESTARTS: loops,
     }
     return frozenset(part for part in Part if present.get(part, True))
 

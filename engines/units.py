@@ -17,6 +17,7 @@ from functools import cache
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from ..models.arrays import FloatArray
 from ..models.elements import AnyStop, refuse_unknown
@@ -26,7 +27,8 @@ from ..models.problem import Problem
 from ..models.spec import Spec, number_units
 from ..models.trajectory import PointMotion
 from .inspection import Dynamics, Inspection, State
-from .protocol import Recording
+from .protocol import EngineOptions, Recording
+from .supplied import Assistance, Part
 
 _Dimension = tuple[int, int, int]  # powers of length, mass and time
 _LENGTH_UNIT: _Dimension = (1, 0, 0)
@@ -65,6 +67,31 @@ _LENGTHS, _MASSES = (0.25, 200.0), (0.05, 1e6)  # [m], [kg] mechanisms between t
 _LENGTH, _MASS = 16.0, 1024.0  # [m], [kg] what others get: about Table I's
 # [1/s] fastest rate of a slow motion: its accelerations fall below what engines resolve.
 _SLOW = 0.125
+
+
+class ScaledOptions(EngineOptions):
+    """Options of an engine that may be run in units of the mechanism's size."""
+
+    scaled_units: bool = Field(
+        default=True,
+        description="build a very small, light, large, heavy or slow mechanism in units of its "
+        "own, not in SI",
+    )
+
+    def units(self, mechanism: Mechanism) -> Units:
+        """The units that a mechanism is built in."""
+        return units_of(mechanism) if self.scaled_units else SI
+
+
+def scaled_units() -> Assistance:
+    """The assistance of :class:`ScaledOptions`."""
+    return Assistance(
+        Part.UNITS,
+        "builds the mechanism in units of its size",
+        "scaled_units",
+        off=False,
+        acts_on=lambda mechanism: units_of(mechanism) != SI,
+    )
 
 
 class _Options(Protocol):

@@ -228,14 +228,13 @@ _PATIENCE = 10  # iterations without a smaller change: what is left is rounding
 _SETTLED = 1e-10  # change of the constraints' forces in an iteration, of the largest
 
 
-def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
-    """The model of the mechanism's MJCF with the engine's options set on it.
+def compiled(mechanism: Mechanism, text: str) -> Any:
+    """MuJoCo's model of a mechanism's MJCF.
 
     Raises:
         SimulationError: MuJoCo refuses the model.
-        UnsupportedProblemError: the mechanism cannot be written as MJCF.
+        UnsupportedProblemError: this version of MuJoCo lacks an element.
     """
-    text = mjcf(mechanism, options.timestep)
     for element in mechanism.force_elements:
         if element.feature is Feature.CUBIC_SPRING and not has_polynomial_springs():
             raise UnsupportedProblemError(
@@ -244,9 +243,19 @@ def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
             )
     try:
         with CALLBACK:  # MuJoCo's compiler calls it as well, with a model that Python does not know
-            model = mujoco.MjModel.from_xml_string(text)
+            return mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise SimulationError(f"MuJoCo refuses the model of {mechanism.name!r}: {error}") from error
+
+
+def load(mechanism: Mechanism, options: MujocoOptions) -> Any:
+    """The model of the mechanism's MJCF with the engine's options set on it.
+
+    Raises:
+        SimulationError: MuJoCo refuses the model.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF.
+    """
+    model = compiled(mechanism, mjcf(mechanism, options.timestep))
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{options.integrator.upper()}")
     model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{options.solver.upper()}")
     model.opt.tolerance = options.tolerance

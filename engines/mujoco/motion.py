@@ -9,7 +9,8 @@ change the speeds, and those at rest afterwards are put back, preloaded.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
@@ -39,9 +40,9 @@ from .options import MujocoOptions
 from .read import Samples, absolute_from_relative, recording
 
 # By name: the module has no types, and a plain import would need a mark at each use.
-_rollout: Any = importlib.import_module("mujoco.rollout")
-
-_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+rollout: Any = importlib.import_module("mujoco.rollout").rollout
+"""MuJoCo's own loop over steps."""
+STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _HALVINGS = 45  # of the step in which a release is: to 3e-14 of it
 
 
@@ -56,19 +57,27 @@ def run(problem: Problem, options: MujocoOptions) -> Recording:
     """
     impacts = problem.stop_law is StopLaw.UNILATERAL and not options.keep_limits
     motion = MujocoMotion(problem, options, impacts=impacts)
-    # At a warning MuJoCo fills the missing states and writes a log file, unless there is a handler;
-    # there is one for all threads of a process, as there is one callback.
+    with raised_warnings():
+        return EventDriver(problem, motion, "mujoco", impacts=impacts).run()
+
+
+@contextmanager
+def raised_warnings() -> Generator[None]:
+    """Raise SimulationError at the end where MuJoCo has warned.
+
+    At a warning MuJoCo fills the missing states and writes a log file, unless there is a handler;
+    there is one for all threads of a process, as there is one callback.
+    """
     warnings: list[str] = []
     with CALLBACK:
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(warnings.append)
         try:
-            recorded = EventDriver(problem, motion, "mujoco", impacts=impacts).run()
+            yield
         finally:
             mujoco.set_mju_user_warning(before)
     if warnings:
         raise SimulationError(f"MuJoCo gave up: {warnings[0]}")
-    return recorded
 
 
 class MujocoMotion(SteppedMotion[FloatArray]):
@@ -110,12 +119,12 @@ class MujocoMotion(SteppedMotion[FloatArray]):
 
     def save(self) -> FloatArray:
         """MuJoCo's state: time, qpos, qvel, ..."""
-        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
-        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        state = np.empty(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self.data, state, STATE)
         return state
 
     def _restore(self, state: FloatArray) -> None:
-        mujoco.mj_setState(self.model, self.data, state, _STATE)
+        mujoco.mj_setState(self.model, self.data, state, STATE)
 
     def state(self) -> State:
         """Coordinates and speeds of the mechanism."""
@@ -169,7 +178,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         """Take n time steps by MuJoCo's own loop, and record those before the first event."""
         before, start = self.save(), self.state()
         substeps = self._begin_step(self.options.timestep)
-        rolled, sensed = _rollout.rollout(self.model, self.data, before[None], nstep=n * substeps)
+        rolled, sensed = rollout(self.model, self.data, before[None], nstep=n * substeps)
         self.samples.steps += n * substeps
         # Its sensors are those before each step, and the data are left at the last stage of RK4.
         self._restore(rolled[0, -1])

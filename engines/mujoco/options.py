@@ -1,4 +1,4 @@
-"""Numerical options of the mujoco adapter; defaults are the tuned preset. Needs no MuJoCo."""
+"""Numerical options of the mujoco adapter; defaults are the assisted preset. Needs no MuJoCo."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from ...models.spec import NonNegative, Real
-from ..protocol import EngineOptions
 from ..study import ConstraintKinds
+from ..units import ScaledOptions
 
 _Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]
 
 
-class MujocoOptions(EngineOptions):
+class MujocoOptions(ScaledOptions):
     """Numerical options; their ranges are checked as in every :class:`EngineOptions`."""
 
     integrator: Literal["RK4", "Euler", "implicit", "implicitfast", "discrete"] = Field(

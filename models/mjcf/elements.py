@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from ..elements import (
     FORCE_ELEMENTS,
@@ -34,6 +34,7 @@ from ..mechanism import Mechanism
 from ..spec import Vector
 from .appearance import reach_of
 from .tree import add, add_angle_tendon, from_origin, number, numbers, spatial, start_angles
+from .variants import Numerics
 
 _E = TypeVar("_E")
 RAIL_SIDES = ("left", "right")
@@ -144,13 +145,14 @@ class Points:
     def _radius(self) -> float:
         return round(0.01 * self.reach, 6)
 
-    def add_defaults(self, default: ET.Element, solref: str, solimp: str, margin: float) -> None:
+    def add_defaults(self, default: ET.Element, numerics: Numerics) -> None:
         """Softness of contacts and equalities; the margin [m] is that of a machine of a metre."""
-        soft = {"solref": solref, "solimp": solimp}
+        soft = written(replace(numerics, solref=numerics.solref_of_points), "solref", "solimp")
         if self.walls:
-            near = margin * max(1.0, self.reach)  # what rounding makes of a gap of zero
-            add(default, "pair", soft, condim="1", margin=near)
-        if self.pins or self.turned:
+            pair = add(default, "pair", soft, condim="1")
+            if numerics.margin is not None:  # what rounding makes of a gap of zero
+                pair.set("margin", number(numerics.margin * max(1.0, self.reach)))
+        if soft and (self.pins or self.turned):
             add(default, "equality", soft)
 
     def add_points(self, element: ET.Element, body: str, origin: Vector) -> None:
@@ -198,14 +200,14 @@ class Points:
     def _add_ball(self, element: ET.Element, name: str) -> None:
         add(element, "geom", name=f"{name}/ball", type="sphere", group="4", size=self._radius)
 
-    def add_constraints(self, root: ET.Element, timestep: float) -> None:
+    def add_constraints(self, root: ET.Element, numerics: Numerics) -> None:
         """Contacts and equalities."""
         if self.walls:
             contact = add(root, "contact")
             for wall in self.walls:
                 pair = add(contact, "pair", wall.geoms, name=wall.name)
-                if not wall.visible:
-                    pair.set("margin", number(felt_from(self.mechanism, timestep)))
+                if not wall.visible and numerics.margin_of_slots is not None:
+                    pair.set("margin", number(numerics.margin_of_slots))
         if self.pins or self.turned:
             equality, angles = add(root, "equality"), start_angles(self.mechanism)
             for pin in self.pins:
@@ -231,6 +233,18 @@ class Points:
 def _angle(joint: AnyJoint) -> str:
     """Name of the tendon and the equality of the angle that a joint holds."""
     return f"{joint.name}/angle"
+
+
+def written(numerics: Numerics, *names: str) -> dict[str, str]:
+    """The attributes of those numerical options that are set."""
+    attributes = dict[str, str]()
+    for name in names:
+        value = getattr(numerics, name)
+        if isinstance(value, tuple):
+            attributes[name] = numbers(*cast("tuple[float, ...]", value))
+        elif value is not None:
+            attributes[name] = value if isinstance(value, str) else number(value)
+    return attributes
 
 
 def felt_from(mechanism: Mechanism, timestep: float) -> float:

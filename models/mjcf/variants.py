@@ -45,8 +45,31 @@ _SHARE = 1e-3  # least moment of inertia, in parts of the second moment about th
 
 
 @dataclass(frozen=True)
+class Numerics:
+    """MuJoCo's numerical options in a file; None: not written, so that its own default holds."""
+
+    timestep: float | None = None  # [s]
+    integrator: str | None = None
+    solver: str | None = None
+    tolerance: float | None = None
+    iterations: int | None = None
+    solref: tuple[float, float] | None = None
+    """Of limits, as MuJoCo reads them: time constant [s] and ratio, or both negative."""
+    solref_of_points: tuple[float, float] | None = None
+    """Of contacts and equalities."""
+    solimp: tuple[float, ...] | None = None
+    margin: float | None = None
+    """Distance from a limit below which it acts [rad]; strictly below, so 0 misses the start."""
+    margin_of_slots: float | None = None
+    """Distance below which both sides of a slot that closes a loop push [m]."""
+
+
+@dataclass(frozen=True)
 class Variant:
     """Differences from the committed files."""
+
+    numerics: Numerics | None = None
+    """Numerical options; None: those that follow from the time step."""
 
     sensors: bool = True
     """Sensors alone ask for MuJoCo 3.3."""

@@ -28,7 +28,7 @@ from ..library.registry import Model, model
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import STONE, Appearance
-from .elements import Forces, Points, force_sensor, torque_sensor
+from .elements import Forces, Points, felt_from, force_sensor, torque_sensor, written
 from .scene import HOME, SCENE_FILE, RecordedMotion, ground_level, scene
 from .tree import (
     add,
@@ -45,7 +45,7 @@ from .tree import (
     start_angles,
     valid_names,
 )
-from .variants import Thrown, Variant, inertias
+from .variants import Numerics, Thrown, Variant, inertias
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 
@@ -160,6 +160,25 @@ def write_model_folder(
     return Path(folder) / name, Path(folder) / SCENE_FILE
 
 
+def _following(mechanism: Mechanism, timestep: float) -> Numerics:
+    """The numerical options of the committed files at a time step [s].
+
+    A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops'
+    softness then fall with the square of the step.
+    """
+    solref = (2 * timestep, 1.0)
+    return Numerics(
+        timestep=timestep,
+        integrator="RK4",
+        tolerance=1e-30,
+        solref=solref,
+        solref_of_points=solref,
+        solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+        margin=MARGIN,
+        margin_of_slots=felt_from(mechanism, timestep),
+    )
+
+
 class _Writer:
     """One model's elements."""
 
@@ -216,22 +235,23 @@ class _Writer:
         about = " Written by trebucheck.models.mjcf.writer; see README.md for signs and stops. "
         root.append(ET.Comment(about))
         add(root, "compiler", angle="radian", autolimits="false")
+        numerics = self.variant.numerics or _following(self.mechanism, self.timestep)
         option = add(
-            root, "option", timestep=self.timestep, integrator="RK4", tolerance="1e-30",
+            root, "option",
+            written(numerics, "timestep", "integrator", "solver", "tolerance", "iterations"),
             gravity=spatial(self.mechanism.gravity_vector),
         )  # fmt: skip
         if not self.points.walls and not self.thrown:
             add(option, "flag", contact="disable")
-        # A time constant of two steps and the greatest impedance MuJoCo takes: errors of the stops'
-        # softness then fall with the square of the step.
-        default = add(root, "default")
-        solref, solimp = numbers(2 * self.timestep, 1), "0.9999 0.9999 0.001 0.5 2"
-        stiff = {"solreflimit": solref, "solimplimit": solimp}
-        add(default, "joint", stiff, margin=MARGIN)
-        add(default, "tendon", stiff, margin=MARGIN)
+        default, soft = add(root, "default"), written(numerics, "solref", "solimp")
+        limits = {f"{name}limit": value for name, value in soft.items()}
+        limits |= written(numerics, "margin")
+        if limits:
+            add(default, "joint", limits)
+            add(default, "tendon", limits)
         add(default, "geom", group="2", contype="0", conaffinity="0", mass="0")
         add(default, "site", group="4", size=0.01 * self.points.reach)
-        self.points.add_defaults(default, solref, solimp, MARGIN)
+        self.points.add_defaults(default, numerics)
         world = add(root, "worldbody")
         self.points.add_points(world, GROUND, (0.0, 0.0))
         self._add_sites(world, GROUND, (0.0, 0.0))
@@ -239,7 +259,7 @@ class _Writer:
             self._add_body(world, body)
         if self.thrown:
             self.thrown.add_ground(world, ground_level(self.mechanism, self.motion))
-        self.points.add_constraints(root, self.timestep)
+        self.points.add_constraints(root, numerics)
         if self.thrown:
             self.thrown.add_constraints(root)
         if self.on_tendon or self.points.turned or self.forces.needs_tendons:

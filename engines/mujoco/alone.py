@@ -1,0 +1,104 @@
+"""MuJoCo by itself: its model, its step from start to end, and what is read of it.
+
+The whole model is MJCF; an option that is MuJoCo's default is not written. :func:`script` gives the
+same run as a program that needs MuJoCo and NumPy alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...models.mechanism import Mechanism
+from ...models.mjcf.elements import felt_from
+from ...models.mjcf.variants import Numerics, Variant
+from ...models.mjcf.writer import mjcf
+from ...models.problem import Problem
+from .. import study
+from ..events import ContactEvents, note_own_releases, whole_steps
+from ..protocol import Recording
+from .build import compiled, start_data, stop_constraints
+from .compat import mujoco
+from .motion import STATE, raised_warnings, rollout
+from .options import MujocoOptions, scaled_solref
+from .read import Samples, absolute_from_relative, recording
+
+# MuJoCo's own defaults, which a file of the default preset leaves out.
+_DEFAULTS = Numerics(
+    timestep=2e-3,
+    integrator="Euler",
+    solver="Newton",
+    tolerance=1e-8,
+    iterations=100,
+    solref=(0.02, 1.0),
+    solref_of_points=(0.02, 1.0),
+    solimp=(0.9, 0.95, 0.001, 0.5, 2.0),
+    margin=0.0,
+)
+
+
+def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
+    """Step MuJoCo from the start to a problem's end or just beyond, and read the states.
+
+    Raises:
+        SimulationError: MuJoCo refused the model, or warned that it diverged.
+        UnsupportedProblemError: the mechanism cannot be written as MJCF.
+    """
+    mechanism = problem.mechanism
+    model = compiled(mechanism, model_text(mechanism, options))
+    data = start_data(model)
+    steps = whole_steps(problem.duration, options.timestep)
+    before = np.empty(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, data, before, STATE)
+    with raised_warnings():
+        # Its sensors are those before each step.
+        states, sensors = rollout(model, data, before[None], nstep=steps)
+        mujoco.mj_setState(model, data, states[0, -1], STATE)
+        mujoco.mj_forward(model, data)
+    times = options.timestep * np.arange(steps + 1)
+    samples = Samples(steps=steps)
+    samples.add(
+        times,
+        np.concatenate([before[None], states[0]]),
+        np.concatenate([sensors[0], data.sensordata[None]]),
+    )
+    events = ContactEvents(mechanism, "mujoco")
+    recorded = recording(mechanism, model, stop_constraints(mechanism, model), samples, events)
+    note_own_releases(events, times, recorded.stop_torques)
+    return recorded
+
+
+def model_text(mechanism: Mechanism, options: MujocoOptions) -> str:
+    """The mechanism as MJCF, with those options that are not MuJoCo's defaults."""
+    stiffness = scaled_solref(options.timestep, options.integrator)
+    numerics = Numerics(
+        timestep=options.timestep,
+        integrator=options.integrator,
+        solver=options.solver,
+        tolerance=options.tolerance,
+        iterations=options.iterations,
+        solref=options.solref or stiffness,
+        solref_of_points=options.solref or stiffness,
+        solimp=options.solimp,
+        margin=options.margin,
+        # Without a margin a slot that closes a loop has play, as each of its sides is pressed in.
+        margin_of_slots=felt_from(mechanism, options.timestep) if options.margin else None,
+    )
+    changed = {
+        name: value for name, value in vars(numerics).items() if value != getattr(_DEFAULTS, name)
+    }
+    return mjcf(mechanism, options.timestep, variant=Variant(numerics=Numerics(**changed)))
+
+
+def script(problem: Problem, options: MujocoOptions) -> str:
+    """The run of :func:`run_alone` as a program of its own."""
+    mechanism = problem.mechanism
+    text = model_text(mechanism, options)
+    sums = absolute_from_relative(mechanism, compiled(mechanism, text))
+    return study.filled_template(
+        __name__,
+        "alone.py.j2",
+        mjcf=text,
+        steps=whole_steps(problem.duration, options.timestep),
+        start=mechanism.start,
+        sums=sums.tolist(),
+    )

@@ -1,0 +1,46 @@
+"""Names of presets: how the numerical options of an engine are chosen, alike for every engine.
+
+:data:`DEFAULT` shows what somebody gets who sets nothing, :data:`SETTINGS` what the engine can do,
+:data:`ASSISTED` what it can do with the help of trebucheck. The first two are runs of the engine
+alone: its adapter builds the model, calls the engine's own step and reads.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection, Mapping
+
+DEFAULT = "default"
+SETTINGS = "settings"
+ASSISTED = "assisted"
+PRESETS = (DEFAULT, SETTINGS, ASSISTED)
+"""All presets, in the order in which they are shown."""
+
+MEANINGS: Mapping[str, str] = {
+    DEFAULT: "what the engine does where nothing is set",
+    SETTINGS: "the best that options of the engine itself reach at the stated step",
+    ASSISTED: "the same with what trebucheck does in the engine's place",
+}
+FORMER_NAMES: Mapping[str, str] = {"stock": DEFAULT, "tuned": ASSISTED}
+"""Presets by the names that they had in an earlier release, which are read for one more."""
+_WHAT_CHANGED = {
+    "stock": "it is what the engine does where nothing is set, with the engine's own step; 'stock' "
+    "was a choice of trebucheck",
+    "tuned": "its options are those of 'tuned'; trebucheck's part in it is said in each row",
+}
+
+
+def current_preset(name: str, known: Collection[str] = ()) -> str:
+    """The present name of a preset; a former one is taken with a warning that says what it is now.
+
+    Args:
+        name: as it was asked for.
+        known: presets of the engine that is asked: a plug-in of an earlier release has the former
+            names.
+    """
+    if name not in FORMER_NAMES or name in known:
+        return name
+    current = FORMER_NAMES[name]
+    message = f"the preset {name!r} is called {current!r} now: {_WHAT_CHANGED[name]}."
+    warnings.warn(message, FutureWarning, stacklevel=2)
+    return current
