@@ -30,17 +30,22 @@ _WHAT_CHANGED = {
 }
 
 
-def current_preset(name: str, known: Collection[str] = ()) -> str:
-    """The present name of a preset; a former one is taken with a warning that says what it is now.
+def resolved(asked: str, known: Collection[str]) -> str:
+    """The name of an engine's preset, asked for by its present or its former name.
+
+    A former name is taken with a warning that says what the preset is now. A plug-in of an earlier
+    release has the former names, and is asked by either.
 
     Args:
-        name: as it was asked for.
-        known: presets of the engine that is asked: a plug-in of an earlier release has the former
-            names.
+        asked: a name; one that is none comes back as it is.
+        known: presets of the engine.
     """
-    if name not in FORMER_NAMES or name in known:
-        return name
-    current = FORMER_NAMES[name]
-    message = f"the preset {name!r} is called {current!r} now: {_WHAT_CHANGED[name]}."
-    warnings.warn(message, FutureWarning, stacklevel=2)
-    return current
+    if asked in known:
+        return asked
+    current = FORMER_NAMES.get(asked)
+    if current in known:
+        message = f"the preset {asked!r} is called {current!r} now: {_WHAT_CHANGED[asked]}."
+        warnings.warn(message, FutureWarning, stacklevel=2)
+        return current
+    former = next((name for name, now in FORMER_NAMES.items() if now == asked), asked)
+    return former if former in known else asked

@@ -33,6 +33,7 @@ from .options import (
     unknown_option,
 )
 from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
+from .presets import ASSISTED, PRESETS, resolved
 from .study import Cause, ConstraintKinds, EngineStudy
 from .supplied import Supplied, stated
 
@@ -63,7 +64,7 @@ class EngineClass(Protocol):
     capabilities: Capabilities
 
     def presets(self) -> Mapping[str, Callable[..., Simulator]]:
-        """Makers by preset name; 'stock' and 'tuned' at least."""
+        """Makers by the name of the preset; one at least of :data:`.presets.PRESETS`."""
         ...
 
     def is_installed(self) -> bool:
@@ -144,7 +145,7 @@ def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
         raise InputError(f"{name}: its class {has}; a trebucheck.Capabilities is needed.")
     if not callable(getattr(cls, "presets", None)):
         raise InputError(
-            f"{name}: its class has no `presets()`; makers by name, 'tuned' and 'stock', are "
+            f"{name}: its class has no `presets()`; makers by name, as {', '.join(PRESETS)}, are "
             "needed."
         )
     if isinstance(cls, type) and issubclass(cls, BuiltinEngine) and not hasattr(cls, "package"):
@@ -226,19 +227,20 @@ def engines() -> dict[str, EngineStatus]:
     return status
 
 
-def engine(name: str, preset: str = "tuned", **options: Any) -> Engine:
+def engine(name: str, preset: str = ASSISTED, **options: Any) -> Engine:
     """An engine with its numerical options.
 
     Args:
         name: one of :func:`engines`.
-        preset: 'tuned' (most accurate at this cost) or 'stock' (what the engine's documentation
-        leads to).
+        preset: 'default' (what the engine does where nothing is set), 'settings' (the best that its
+            own options reach) or 'assisted' (with what trebucheck does in its place).
         options: any field of the engine, over the preset's; `timestep` [s] in every engine.
 
     Raises:
         InputError: the name, the preset or an option is unknown or not valid.
     """
     makers = engine_class(name).presets()
+    preset = resolved(preset, makers)
     if preset not in makers:
         raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
     try:

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from ..models.mechanism import Mechanism
+from .presets import ASSISTED, MEANINGS, PRESETS
 
 Options = Mapping[str, Any]
 
@@ -146,7 +147,7 @@ class SweptParameter:
     options: Callable[[float], Options]  # what a value means to the engine
     why: str  # where the expected exponent comes from, or why none is expected
     expected: float | None = None
-    preset: str = "tuned"
+    preset: str = ASSISTED
     base: Options = field(default_factory=dict[str, Any])
     """Options that stay as they are, over the preset's."""
     without: Options | None = None  # options that take the parameter's own error out
@@ -230,8 +231,9 @@ class OptionSet:
         return {"timestep": step, **self.options, **self.scaled(step)}
 
 
-STOCK_SET = OptionSet("stock", "as its documentation leads to", "stock")
-TUNED_SET = OptionSet("tuned", "every measure trebucheck knows", "tuned")
+DEFAULT_SET, SETTINGS_SET, ASSISTED_SET = (
+    OptionSet(preset, MEANINGS[preset], preset) for preset in PRESETS
+)
 
 
 @dataclass(frozen=True)
@@ -274,7 +276,7 @@ class EngineStudy:
     """Beside the time step, which is swept for every engine."""
     step_orders: Mapping[str, StepOrder] = field(default_factory=dict[str, StepOrder])  # by preset
     refinements: tuple[Refinement, ...] = (HALF_THE_STEP,)
-    option_sets: tuple[OptionSet, ...] = ()  # from plain to tuned; none: one a preset
+    option_sets: tuple[OptionSet, ...] = ()  # from plain to assisted; none: one a preset
     tolerances: tuple[Tolerance, ...] = ()
     snippets: _Snippets = lambda _engine, _mechanism, _duration: {}
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""

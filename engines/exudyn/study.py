@@ -9,6 +9,7 @@ from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
 from .. import study
+from ..presets import ASSISTED, DEFAULT, SETTINGS
 from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 
 PYTHON = "Exudyn in Python"
@@ -83,7 +84,7 @@ STUDY = study.EngineStudy(
         ),
     ),
     step_orders={
-        "tuned": study.StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
+        ASSISTED: study.StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
         "stock": study.StepOrder(
             2.0,
             "generalised alpha is of second order in positions; its releases are at a step's end",
@@ -100,18 +101,19 @@ STUDY = study.EngineStudy(
                    study.multiplied("stop_stiffness", 2.0)),
     ),
     option_sets=(
-        study.STOCK_SET,
+        study.DEFAULT_SET,
         OptionSet("index 2", "stock, with the trapezoidal rule of index 2", "stock",
                   {"integrator": "trapezoidal-index-2"}),
         OptionSet("tight Newton", "the same, with a full Newton iteration to 1e-12", "tuned",
                   {"locate_releases": False}),
-        study.TUNED_SET,
+        study.SETTINGS_SET,
+        study.ASSISTED_SET,
     ),
     tolerances=(
-        Tolerance("tuned", "position_max", 1e-5, 1e-4, 2, _NEED),
-        Tolerance("tuned", "stop_torque_max", 2e-3, 1e-4, 2, _NEED),
-        Tolerance("tuned", "release_time", 1e-7, 1e-4, 2, _NEED),
-        Tolerance("tuned", "energy_balance", 0.2, 1e-4, 2,
+        Tolerance(ASSISTED, "position_max", 1e-5, 1e-4, 2, _NEED),
+        Tolerance(ASSISTED, "stop_torque_max", 2e-3, 1e-4, 2, _NEED),
+        Tolerance(ASSISTED, "release_time", 1e-7, 1e-4, 2, _NEED),
+        Tolerance(ASSISTED, "energy_balance", 0.2, 1e-4, 2,
                   f"1e-6 of the energy at the start; {_NEED}"),
     ),
     snippets=_snippets,

@@ -11,6 +11,7 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.variants import POINT_INERTIA
 from .. import study
 from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
+from ..presets import ASSISTED, DEFAULT, SETTINGS
 from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
@@ -111,8 +112,6 @@ def _stiffer_impedance(settings: study.Options, _: study.ConstraintKinds) -> dic
     return {"solimp": ((1 + solimp[0]) / 2, (1 + solimp[1]) / 2, *solimp[2:])}
 
 
-_IN_MJCF = {"free_substeps": 1, "locate_releases": False, "preload": False}
-
 _NEED = "second order once releases are located, softness scaled with the step"
 _SOFT_CONTACT = "(1 - impedance) x step: a contact's softness lags a changing force by up to a step"
 _ENERGY_NEED = f"1e-9 of the energy at the start; {_NEED}"
@@ -183,13 +182,17 @@ STUDY = study.EngineStudy(
         ),
     ),
     step_orders={
-        "tuned": study.StepOrder(
+        DEFAULT: study.StepOrder(
+            None, "Euler's rule is of first order, and the limits' softness is fixed: it does not "
+            "fall with the step", "semi-implicit Euler, joint coordinates",
+        ),
+        SETTINGS: study.StepOrder(
+            None, "the limits' softness falls with the step's square, but a step goes over the kink "
+            "at a release, wherever that is in it", "RK4, joint coordinates",
+        ),
+        ASSISTED: study.StepOrder(
             2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, "
             "error ~ tc^2", "RK4, joint coordinates",
-        ),
-        "stock": study.StepOrder(
-            None, "the limits' softness is fixed: it does not fall with the step",
-            "RK4, joint coordinates",
         ),
     },
     refinements=(
@@ -202,29 +205,28 @@ STUDY = study.EngineStudy(
                    study.multiplied("iterations", 4)),
     ),
     option_sets=(
-        study.STOCK_SET,
+        study.DEFAULT_SET,
+        OptionSet("RK4", "default, with the integrator RK4", DEFAULT, {"integrator": "RK4"}),
         OptionSet("stiffer limits",
-                  "stock, with a time constant of the limits of two steps, the shortest MuJoCo "
-                  "takes",
-                  "stock", scaled=lambda h: {"solref": (2 * h, 1.0)}),
-        OptionSet("stiff limits",
-                  "limits as stiff as the step bears, solver to the last digit; all of it in the "
-                  "MJCF",
-                  "tuned", _IN_MJCF | {"keep_limits": True}),
-        OptionSet("limits removed", "the same, and a limit is taken out after its release",
-                  "tuned", _IN_MJCF),
+                  "RK4, with a time constant of the limits of two steps, the shortest MuJoCo takes",
+                  DEFAULT, {"integrator": "RK4"}, scaled=lambda h: {"solref": (2 * h, 1.0)}),
+        OptionSet("Euler, stiff limits",
+                  "settings, with MuJoCo's default integrator", SETTINGS, {"integrator": "Euler"}),
+        study.SETTINGS_SET,
+        OptionSet("limits removed", "settings, and a limit is taken out after its release",
+                  SETTINGS, {"keep_limits": False}),
         OptionSet("releases located",
                   "the same, with releases found inside the step and limits preloaded",
-                  "tuned", {"free_substeps": 1}),
-        study.TUNED_SET,
+                  ASSISTED, {"free_substeps": 1}),
+        study.ASSISTED_SET,
     ),
     tolerances=(
-        Tolerance("tuned", "position_max", 1e-7, 1e-3, 2, _NEED),
-        Tolerance("tuned", "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
-        Tolerance("tuned", "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
-        Tolerance("tuned", "launch_speed", 3e-7, 1e-3, 2, _NEED),
-        Tolerance("tuned", "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
-        Tolerance("tuned", "energy_balance", 2e-4, 1e-3, 2, _ENERGY_NEED),
+        Tolerance(ASSISTED, "position_max", 1e-7, 1e-3, 2, _NEED),
+        Tolerance(ASSISTED, "release_time", 1e-8, 1e-3, 2, _NEED, on_points=False),
+        Tolerance(ASSISTED, "release_time", 1e-7, 1e-3, 1, _SOFT_CONTACT, on_points=True),
+        Tolerance(ASSISTED, "launch_speed", 3e-7, 1e-3, 2, _NEED),
+        Tolerance(ASSISTED, "stop_torque_max", 1e-6, 1e-3, 2, _NEED, per="start"),
+        Tolerance(ASSISTED, "energy_balance", 2e-4, 1e-3, 2, _ENERGY_NEED),
     ),
     snippets=_snippets,
     colour="#0072B2",

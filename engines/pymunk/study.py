@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .. import study
+from ..presets import ASSISTED, DEFAULT, SETTINGS
 from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 
 PYTHON = "pymunk in Python"
@@ -72,7 +73,7 @@ STUDY = study.EngineStudy(
         ),
     ),
     step_orders={
-        "tuned": study.StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
+        ASSISTED: study.StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
         "stock": study.StepOrder(
             1.0,
             "positions and speeds half a step apart, joints corrected at a rate that is not the "
@@ -90,7 +91,7 @@ STUDY = study.EngineStudy(
                    study.multiplied("pivot_mass", 10.0)),
     ),
     option_sets=(
-        study.STOCK_SET,
+        study.DEFAULT_SET,
         OptionSet("leapfrog", "stock, without error_bias, started and read as a leapfrog", "stock",
                   {"error_bias": 0.0, "leapfrog": True}),
         OptionSet("converged leapfrog",
@@ -98,14 +99,15 @@ STUDY = study.EngineStudy(
                   {"iterations": 50, "hold_lengths": False}),
         OptionSet("held lengths", "the same, with rods held to their lengths", "tuned",
                   {"iterations": 50}),
-        study.TUNED_SET,
+        study.SETTINGS_SET,
+        study.ASSISTED_SET,
     ),
     tolerances=(
-        Tolerance("tuned", "position_max", 2e-3, 1e-3, 2, _NEED, model="fixed"),
-        Tolerance("tuned", "position_max", 3e-3, 1e-3, 2, _NEED),
-        Tolerance("tuned", "position_max", 2.5e-5, 1e-4, 2, _NEED),
-        Tolerance("tuned", "stop_torque_max", 1e-4, 1e-3, 2, _NEED, per="peak"),
-        Tolerance("tuned", "release_time", 1e-5, 1e-3, 2, _NEED),
+        Tolerance(ASSISTED, "position_max", 2e-3, 1e-3, 2, _NEED, model="fixed"),
+        Tolerance(ASSISTED, "position_max", 3e-3, 1e-3, 2, _NEED),
+        Tolerance(ASSISTED, "position_max", 2.5e-5, 1e-4, 2, _NEED),
+        Tolerance(ASSISTED, "stop_torque_max", 1e-4, 1e-3, 2, _NEED, per="peak"),
+        Tolerance(ASSISTED, "release_time", 1e-5, 1e-3, 2, _NEED),
     ),
     snippets=lambda engine, _mechanism, _duration: {
         PYTHON: study.filled_template(__name__, "pymunk.py.j2", options=engine)
