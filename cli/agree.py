@@ -39,8 +39,8 @@ def compare_command(call: Call) -> bool:
     Examples:
     trebucheck compare --out report
 
-    trebucheck compare --models fixed --engines mujoco,pymunk --preset tuned --timestep 1e-3 --set
-    l1=9.5
+    trebucheck compare --models fixed --engines mujoco,pymunk --preset assisted --timestep 1e-3
+    --set l1=9.5
     """
     from ..comparisons.compare import compare
     from ..comparisons.report import markdown

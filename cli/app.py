@@ -26,7 +26,7 @@ app = typer.Typer(
     "input, 130 interrupted.",
     epilog="Examples:\n\n"
     "trebucheck compare --out report\n\n"
-    "trebucheck compare --models rolling --engines mujoco,exudyn --preset tuned --timestep 5e-4\n\n"
+    "trebucheck compare --models rolling --engines mujoco,exudyn --preset settings\n\n"
     "trebucheck run --engine pymunk --model fixed --set l1=9.5 --set m_cw=2500\n\n"
     "trebucheck throw --model rolling --best --sensitivities\n\n"
     "trebucheck paper --out paper\n\n"

@@ -144,7 +144,7 @@ class Call:
         if "engines" in self.values:
             engines = keywords["engines"] = self.names("engines")
         if "preset" in self.values:
-            keywords["presets"] = options.names(self.preset, "--preset")
+            keywords["presets"] = options.chosen_names(self.preset, "--preset")
         if "option" in self.values:
             step = self.values.get("timestep")
             keywords["options"] = options.engine_options(self.option, step, engines)

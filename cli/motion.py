@@ -113,7 +113,9 @@ def throw_command(call: Call) -> None:
         ...,
         names=options.engine_names,
     ),
-    preset=option("--preset", "tuned or stock.", str, "tuned", names=options.preset_names),
+    preset=option(
+        "--preset", "default, settings or assisted.", str, "assisted", names=options.preset_names
+    ),
     reference=option(
         "--reference/--no-reference", "Say how far the run is from the reference.", bool, True
     ),
@@ -128,7 +130,7 @@ def run_command(call: Call) -> None:
     Examples:
     trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
 
-    trebucheck run --engine pymunk --preset stock --option iterations=30
+    trebucheck run --engine pymunk --preset settings --option iterations=30
     """
     from ..comparisons.report.pages.run import run_report
     from ..comparisons.runs.process import simulate
@@ -177,7 +179,7 @@ def run_command(call: Call) -> None:
     engines=option(
         "--engines --engine", "Engines drawn over the reference, comma-separated; none by default."
     ),
-    preset="tuned",
+    preset="assisted",
     trajectories=option(
         "--from",
         "Draw these trajectories (NetCDF, or a folder of them) instead of new runs.",
@@ -249,7 +251,7 @@ def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: floa
     engines = {
         f"{name} {preset}": study.engine(name, preset)
         for name in study.every_engine
-        for preset in study.presets
+        for preset in study.presets_of(name)
     }
     runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
     runs: dict[str, Trajectory] = {}

@@ -62,10 +62,11 @@ def engine_names() -> tuple[str, ...]:
 
 def preset_names() -> list[str]:
     """Names of the presets of all engines."""
+    from ..engines.presets import PRESETS
     from ..engines.registry import engine_class
 
     presets = [preset for name in engine_names() for preset in engine_class(name).presets()]
-    return list(dict.fromkeys(presets))
+    return list(dict.fromkeys((*PRESETS, *presets)))
 
 
 def _assigned_options() -> list[str]:
@@ -149,9 +150,9 @@ OPTIONS = {
     ),
     "preset": option(
         "--preset --presets",
-        "tuned, stock, or both: tuned,stock.",
-        str,
-        "tuned,stock",
+        "default, settings, assisted, comma-separated; all that an engine has by default.",
+        str | None,
+        None,
         names=preset_names,
     ),
     "timestep": option(

@@ -14,14 +14,14 @@ from .options import folder, option
 def explain_command(call: Call) -> bool:
     """Split each engine's error among its causes, each measured by a run without it.
 
-    Also sets each engine's stock and tuned presets side by side and changes one option at a time.
+    Also sets each preset of an engine beside the next and changes one option at a time.
     Writes explain.html (self-contained) and explain.json; prints a summary. A run that fails is
     shown as such and ends nothing; if it is a machine's reference, the exit code is 1.
 
     Examples:
     trebucheck explain --models fixed --engines mujoco
 
-    trebucheck explain --preset tuned --timestep 5e-4 --set l1=9.5 --out why
+    trebucheck explain --preset assisted --timestep 5e-4 --set l1=9.5 --out why
     """
     from ..comparisons.explain import explain
     from ..comparisons.report.pages.explain import document
@@ -36,7 +36,7 @@ def explain_command(call: Call) -> bool:
 
 
 @command(
-    "models engines knobs until set beam option resume jobs timeout quiet json",
+    "models engines preset knobs until set beam option resume jobs timeout quiet json",
     folder("converge", "Folder for converge.html, converge.json and the runs."),
     knobs=option("--knobs --knob", "Knobs, comma-separated, e.g. timestep,solref; all by default."),
 )

@@ -219,7 +219,7 @@ class Comparison(Reported):
     results: Results
     solutions: Mapping[str, Solution]  # reference motion by model
     trajectories: Mapping[tuple[str, str], Trajectory]
-    """Motions by model and run label ('mujoco tuned')."""
+    """Motions by model and run label ('mujoco assisted')."""
     repeated: bool = False  # all was taken from the store: nothing was measured now
 
     def headline(self) -> str:
@@ -268,9 +268,10 @@ def compare(
     Args:
         models: one or several: names of machines or of the library's problems, paths of mechanisms'
             .json files, mechanisms, or problems.
-        engines: one or several: names, or engines as `tb.engine` makes them; all known ones if left
-            out. Those not installed become rows that say so.
-        presets: 'tuned', 'stock', or both; both if left out, or those of the engines given.
+        engines: one or several: names, or engines as `tb.engine` makes them; all known ones but the
+            reference if left out. Those not installed become rows that say so.
+        presets: of 'default', 'settings' and 'assisted'; those of the engines given, else all that
+            an engine has, if left out.
         parameters: of the named machines, all of one class; their defaults if left out.
         options: over each preset's: of every engine that has them, or of one, as 'mujoco.solref'.
         timestep: of every engine [s]; each preset's own if left out.
@@ -322,8 +323,8 @@ def compare_study(
     cases = [
         RunKey(m.name, name, preset)
         for m in study.mechanisms
-        for name in study.every_engine
-        for preset in study.presets
+        for name in study.compared_engines
+        for preset in study.presets_of(name)
     ]
     # Every engine is made before the first run, so that a wrong name or option costs no waiting.
     engines = {(c.engine, c.preset): study.engine(c.engine, c.preset) for c in cases}

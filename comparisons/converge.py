@@ -10,7 +10,7 @@ observed orders.) The cause of a floor is decided by refining every other parame
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Annotated, Any, Literal, Unpack
@@ -20,6 +20,7 @@ from pydantic import Field, JsonValue
 from scipy import stats
 from scipy.optimize import brentq
 
+from ..engines.presets import ASSISTED, PRESETS
 from ..engines.protocol import Engine
 from ..engines.registry import (
     Engines,
@@ -30,6 +31,7 @@ from ..engines.registry import (
     engine_study,
     names_of,
     options_for,
+    presets_of,
 )
 from ..engines.study import ConstraintKinds, Options, Refinement, StepOrder, SweptParameter
 from ..models.arrays import FloatArray
@@ -416,7 +418,7 @@ _NAMED = 3  # refinements in the evidence
 def refinements(
     name: str, settings: Options, swept: Sequence[str], constraints: ConstraintKinds
 ) -> Iterator[tuple[Refinement, dict[str, Any]]]:
-    """Sweep every refinement at an engine's settings, and each option its tuned preset changes.
+    """Sweep every refinement at an engine's settings, and each option that `assisted` changes.
 
     Args:
         name: of the engine.
@@ -428,10 +430,10 @@ def refinements(
         change = refinement.change(settings, constraints)
         if change and not set(change) & set(swept) and set(change) <= set(settings):
             yield refinement, change
-    for option, value in engine(name, "tuned").settings.items():
+    for option, value in engine(name, ASSISTED).settings.items():
         if option in settings and settings[option] != value and option not in (*swept, "timestep"):
-            as_tuned = Refinement(f"option {option}", f"{option} as tuned", lambda _, __: None)
-            yield as_tuned, {option: value}
+            text = f"{option} as in {ASSISTED}"
+            yield Refinement(f"option {option}", text, lambda _, __: None), {option: value}
 
 
 @dataclass(frozen=True)
@@ -498,7 +500,7 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
 
 _METRICS: Mapping[QuantityName, str] = {"position": "position_max", "torque": "stop_torque_max"}
 _STEPS = tuple(1e-2 / 2**k for k in range(8))  # 1e-2 to 7.8e-5 s: two decades and a little
-_STOCK_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
+_LONGER_STEPS = _STEPS[:6]  # down to 3e-4 s: finer ones are no newcomer's, and cost the most
 # [s] characteristic time of machines with these steps, the mean of the named ones
 _STEPS_TIME = 1.36
 _COARSER = tuple(_STEPS[0] * 2 ** (k / 2) for k in range(1, 9))  # to 0.16 s, an eighth of that time
@@ -508,6 +510,7 @@ _UNKNOWN = StepOrder(None, "the order of a plug-in is not known beforehand")
 def converge(
     models: Models = ("fixed", "rolling"),
     engines: Engines | None = None,
+    presets: Names | None = None,
     *,
     knobs: Names | None = None,
     **how: Unpack[RunOptions],
@@ -523,6 +526,8 @@ def converge(
             .json files, mechanisms, or problems.
         engines: one or several: names, or engines as `tb.engine` makes them; all but the reference
             if left out.
+        presets: in which the time step is swept; all that an engine has, or those of the engines
+            given, if left out.
         knobs: names of the parameters to be swept, such as 'timestep'; all if left out.
         how: runs are made; see :class:`..runs.study.RunOptions`.
 
@@ -530,7 +535,7 @@ def converge(
         InputError: a name or value is not valid, or there is nothing to do. A failed run is a
             failed point.
     """
-    study = Study.of(models, engines, **how)
+    study = Study.of(models, engines, presets, **how)
     return converge_study(study, None if knobs is None else names_of(knobs))
 
 
@@ -540,8 +545,9 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
     Args:
         study: mechanisms, engines (all known ones but the reference if None; those not installed
             are listed as absent), how they are run, and the end of the compared motion. Its options
-            are set in every sweep of an engine that has them, over those of the sweep. Its presets
-            are not used: each swept parameter has its own.
+            are set in every sweep of an engine that has them, over those of the sweep. The time
+            step is swept in each of its presets, another parameter in its own if that is among
+            them.
         chosen: names of swept parameters (:func:`parameter_names`); all if left out.
 
     Raises:
@@ -588,8 +594,15 @@ def parameter_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptParameter]:
+def swept_parameters(
+    name: str, names: list[str] | None = None, presets: Iterable[str] = PRESETS
+) -> list[SweptParameter]:
     """Select an engine's swept parameters, all or those asked for, that its version has.
+
+    Args:
+        name: of the engine.
+        names: of parameters; None: all.
+        presets: in which they are swept.
 
     Raises:
         InputError: there is no such engine or parameter.
@@ -600,24 +613,24 @@ def swept_parameters(name: str, names: list[str] | None = None) -> list[SweptPar
                 f"there is no knob {chosen!r}; there are: {', '.join(parameter_names())}."
             )
     parameters: list[SweptParameter] = []
-    for preset in ("tuned", "stock"):
-        if preset not in engine_class(name).presets():
-            continue
+    for preset in presets_of(name, presets):
         expected = engine_study(name).step_orders.get(preset, _UNKNOWN)
         timestep = SweptParameter(
             name="timestep",
             title="time step h",
             unit="s",
             options=lambda h: {"timestep": h},
-            values=_STEPS if preset == "tuned" else _STOCK_STEPS,
+            values=_STEPS if preset == ASSISTED else _LONGER_STEPS,
             expected=expected.order,
             why=expected.reason,
             preset=preset,
             repeats=3,
         )
         parameters.append(timestep)
-    options = set(engine(name, "tuned").settings)
-    parameters += [p for p in engine_study(name).swept_parameters if p.requires <= options]
+    for parameter in engine_study(name).swept_parameters:
+        chosen = parameter.preset in presets_of(name, presets)
+        if chosen and parameter.requires <= set(engine(name, parameter.preset).settings):
+            parameters.append(parameter)
     return [parameter for parameter in parameters if names is None or parameter.name in names]
 
 
@@ -630,7 +643,11 @@ def _plan(
         InputError: there is nothing to do, or an option is not valid or is what is swept.
     """
     names, parameters = study.measured_engines, list(chosen) if chosen else None
-    every = [(name, swept) for name in names for swept in swept_parameters(name, parameters)]
+    every = [
+        (name, swept)
+        for name in names
+        for swept in swept_parameters(name, parameters, study.presets)
+    ]
     if not every:
         raise InputError(
             f"none of the engines {', '.join(names)} has any of the knobs "

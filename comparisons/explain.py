@@ -14,7 +14,7 @@ Where some causes can only be taken out after others, the orders are those that 
 and Kern, The Shapley value for cooperative games under precedence constraints, 1992). Half the
 difference of the two orders is shown with each share: the part of it that is a matter of order.
 
-Stock against tuned shows what each single option buys, from either end.
+Each preset beside the next shows what every single option buys, from either end.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import pairwise, product
 from typing import Annotated, Literal, NamedTuple, Unpack
 
 import numpy as np
@@ -44,7 +44,7 @@ from ..models.trajectory import PointMotion, Trajectory
 from .runs.process import all_in_order
 from .runs.record import Curves, EngineRuns, RunRecord, runs_of
 from .runs.results import ResultFile
-from .runs.study import PRESETS, Counter, RunOptions, Study
+from .runs.study import Counter, RunOptions, Study
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
@@ -144,21 +144,22 @@ class Change(Spec):
     """Gain by a single option."""
 
     option: str
-    stock: JsonValue
-    tuned: JsonValue
-    alone: Figures = Field(description="stock, with this one option as tuned")
-    back: Figures = Field(description="tuned, with this one option as stock")
+    first: JsonValue
+    second: JsonValue
+    alone: Figures = Field(description="the first preset, with this one option as in the second")
+    back: Figures = Field(description="the second preset, with this one option as in the first")
 
 
-class StockAgainstTuned(Spec):
-    """An engine's two presets at the same step."""
+class PresetComparison(Spec):
+    """Two presets of an engine at the step of the first."""
 
     model: str
     engine: str
+    presets: tuple[str, str] = Field(description="names of the first and the second")
     timestep: Real | None = Field(description="of both [s]")
     force_unit: str = Field(default="N m", description="of what the machine's stops push with")
-    stock: Figures
-    tuned: Figures
+    first: Figures
+    second: Figures
     changes: tuple[Change, ...]
 
 
@@ -188,7 +189,7 @@ class Explanation(Reported, ResultFile):
         default_factory=dict, description="machines whose reference failed, and why"
     )
     budgets: tuple[Budget, ...]
-    comparisons: tuple[StockAgainstTuned, ...]
+    comparisons: tuple[PresetComparison, ...]
 
     def headline(self) -> str:
         """Names the runs that have a budget."""
@@ -645,7 +646,7 @@ def explain(
     """Split each engine's error among its causes, each measured by a run without it.
 
         >>> import trebucheck as tb
-        >>> budget = tb.explain("fixed", "mujoco", "stock")  # doctest: +SKIP
+        >>> budget = tb.explain("fixed", "mujoco", "default")  # doctest: +SKIP
         >>> budget.to_dataframe()[["cause", "fraction"]]  # doctest: +SKIP
 
     Args:
@@ -653,7 +654,7 @@ def explain(
             .json files, mechanisms, or problems.
         engines: one or several: names, or engines as `tb.engine` makes them; all but the reference
             if left out.
-        presets: for which a budget is made: 'tuned', 'stock', or both; both if left out, or those
+        presets: for which a budget is made; all that an engine has if left out, or those
             of the engines given.
         how: runs are made; see :class:`..runs.study.RunOptions`.
 
@@ -675,29 +676,24 @@ def explain_study(study: Study) -> Explanation:
             raises nothing: it becomes a budget without shares, or a cause that could not be
             measured.
     """
-    for preset in study.presets:
-        if preset not in PRESETS:
-            raise InputError(f"there is no preset {preset!r}; there are: {', '.join(PRESETS)}.")
-    # The reference has a budget where it is named: its stock preset differs from the tuned one.
-    names = study.measured_engines if study.engines is None else study.every_engine
-    engines = {name: {preset: study.engine(name, preset) for preset in PRESETS} for name in names}
-    # A part a preset, and one for the presets side by side.
-    parts_of_each = len(list(study.presets)) + 1
-    count = Counter(len(study.mechanisms) * len(engines) * parts_of_each, study.progress)
+    # A part a preset, and one for each preset beside the next.
+    engines: list[tuple[Engine, ...]] = []
+    for name in study.measured_engines:
+        presets = study.presets_of(name)
+        made = tuple(study.engine(name, preset) for preset in presets)
+        engines += [(each,) for each in made]
+        engines += pairwise(made)
+    count = Counter(len(study.mechanisms) * len(engines), study.progress)
 
-    def part(wanted: tuple[EngineRuns, str, str | None]) -> Budget | StockAgainstTuned:
-        runs, name, preset = wanted
-        made = engines[name]
-        what = f" {preset}" if preset else ", option by option"
-        count.start(f"{runs.mechanism.name}: {name}{what}")
-        if preset:
-            return budget(runs, made[preset])
-        return stock_against_tuned(runs, made["stock"], made["tuned"])
+    def part(wanted: tuple[EngineRuns, tuple[Engine, ...]]) -> Budget | PresetComparison:
+        runs, compared = wanted
+        presets = " to ".join(engine.preset for engine in compared)
+        count.start(f"{runs.mechanism.name}: {compared[0].name} {presets}")
+        return budget(runs, *compared) if len(compared) == 1 else compare_presets(runs, *compared)
 
     with study.worker() as worker:
         moved, failures = runs_of(study, worker)
-        wanted = list(product(moved, engines, (*study.presets, None)))
-        parts = all_in_order(part, wanted, study.jobs)
+        parts = all_in_order(part, list(product(moved, engines)), study.jobs)
     machines: list[ExplainedMachine] = []
     for runs in moved:
         machines.append(
@@ -713,7 +709,7 @@ def explain_study(study: Study) -> Explanation:
     return Explanation.made_here(
         machines=tuple(machines),
         budgets=tuple(each for each in parts if isinstance(each, Budget)),
-        comparisons=tuple(each for each in parts if isinstance(each, StockAgainstTuned)),
+        comparisons=tuple(each for each in parts if isinstance(each, PresetComparison)),
         failures=failures,
         jobs=study.timed_at_once,
     )
@@ -722,11 +718,11 @@ def explain_study(study: Study) -> Explanation:
 _REPEATS = 3  # timed runs of each setting, of some hundredths of a second each
 
 
-def stock_against_tuned(runs: EngineRuns, stock: Engine, tuned: Engine) -> StockAgainstTuned:
-    """Compare an engine's presets at the stock one's step, changing one option at a time."""
-    step = stock.settings.get("timestep")
+def compare_presets(runs: EngineRuns, first: Engine, second: Engine) -> PresetComparison:
+    """Compare two presets of an engine at the first one's step, changing one option at a time."""
+    step = first.settings.get("timestep")
     if step is not None:
-        tuned = with_options(tuned, {"timestep": step})
+        second = with_options(second, {"timestep": step})
 
     def figures(engine: Engine, options: dict[str, JsonValue]) -> Figures:
         try:
@@ -745,19 +741,20 @@ def stock_against_tuned(runs: EngineRuns, stock: Engine, tuned: Engine) -> Stock
         )
 
     changes: list[Change] = []
-    after = tuned.settings
-    for name, value in stock.settings.items():
+    after = second.settings
+    for name, value in first.settings.items():
         if name in after and after[name] != value:
-            alone, back = figures(stock, {name: after[name]}), figures(tuned, {name: value})
+            alone, back = figures(first, {name: after[name]}), figures(second, {name: value})
             changes.append(
-                Change(option=name, stock=value, tuned=after[name], alone=alone, back=back)
+                Change(option=name, first=value, second=after[name], alone=alone, back=back)
             )
-    return StockAgainstTuned(
+    return PresetComparison(
         model=runs.mechanism.name,
-        engine=stock.name,
+        engine=first.name,
+        presets=(first.preset, second.preset),
         timestep=float(step) if isinstance(step, int | float) else None,
         force_unit=runs.mechanism.force_unit,
-        stock=figures(stock, {}),
-        tuned=figures(tuned, {}),
+        first=figures(first, {}),
+        second=figures(second, {}),
         changes=tuple(changes),
     )

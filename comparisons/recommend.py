@@ -1,7 +1,7 @@
 """Recommended settings of engines for a wanted accuracy; every recommended step was measured.
 
-For each engine there are a few sets of options from plain to tuned, and a ladder of time steps. A
-set adds to the one before it what changes most. How much each change buys is measured, not assumed:
+For each engine there are a few sets of options from default to assisted, and a ladder of time steps.
+A set adds to the one before it what changes most. How much each change buys is measured, not assumed:
 the order here only decides which of two equally quick sets is recommended, the plainer one.
 
 Neighbours are machines of the same kind, drawn at random, each independently of the others. A set
@@ -28,7 +28,7 @@ import numpy as np
 from pydantic import Field, JsonValue, model_validator
 
 from ..engines.protocol import Engine
-from ..engines.registry import Engines, engine, engine_class, engine_study
+from ..engines.registry import Engines, engine, engine_class, engine_study, presets_of
 from ..engines.study import OptionSet
 from ..models.errors import InputError, TrebucheckError
 from ..models.library.registry import Model, models, parameters_type
@@ -383,10 +383,9 @@ _TIE = 1.2  # times of runs of some 10 ms repeat no better than to this factor
 
 
 def option_sets(name: str) -> tuple[OptionSet, ...]:
-    """Option sets of an engine, from plain to tuned; its presets where its study has none."""
-    presets = engine_class(name).presets()
+    """Option sets of an engine, from plain to assisted; its presets where its study has none."""
     return engine_study(name).option_sets or tuple(
-        OptionSet(preset, f"its preset {preset!r}", preset) for preset in sorted(presets)
+        OptionSet(preset, f"its preset {preset!r}", preset) for preset in presets_of(name)
     )
 
 

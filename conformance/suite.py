@@ -27,6 +27,7 @@ from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
 from ..comparisons.runs.runner import refuse_invalid
 from ..comparisons.runs.study import Study
 from ..engines import registry
+from ..engines.presets import ASSISTED, FORMER_NAMES, PRESETS, resolved
 from ..engines.protocol import Capabilities, Engine
 from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
 from ..models.features import missing_elements
@@ -139,7 +140,7 @@ class Target:
     def of(cls, text: str) -> Target:
         """Read NAME, NAME/PRESET, or the same with 'package.module:Class' for the name.
 
-        The preset is 'tuned', or the first one where there is none of that name.
+        The preset is 'assisted', or the last one where there is none of that name.
 
         Raises:
             InputError: there is no such engine or preset, or it cannot be loaded.
@@ -155,9 +156,12 @@ class Target:
             ) from error
         if not presets:
             raise InputError(
-                f"engine {name!r}: presets() gives no maker; one called 'tuned' is needed at least."
+                f"engine {name!r}: presets() gives no maker; one of {', '.join(PRESETS)} is "
+                "needed at least."
             )
-        chosen = preset or ("tuned" if "tuned" in presets else presets[0])
+        chosen = resolved(preset or ASSISTED, presets)
+        if not preset and chosen not in presets:
+            chosen = presets[-1]
         if chosen not in presets:
             raise InputError(f"{name} has no preset {chosen!r}; there are: {', '.join(presets)}.")
         return cls(name, chosen)
@@ -232,9 +236,9 @@ class _Interface:
         version: Any = cls.version()
         if not isinstance(version, str) or not version:
             yield f"version() gives {version!r}; a text is needed"
-        lacking = {"tuned", "stock"} - set(cls.presets())
-        if lacking:
-            yield f"presets() lacks {sorted(lacking)[0]!r}; two names may lead to the same maker"
+        named = set(cls.presets())
+        if not named & {*PRESETS, *FORMER_NAMES}:
+            yield f"presets() has none of {', '.join(PRESETS)}; one is needed at least"
 
     def made_again(self) -> Iterator[str]:
         first = self._make()

@@ -32,8 +32,8 @@ from .options import (
     settings_of,
     unknown_option,
 )
-from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
 from .presets import ASSISTED, PRESETS, resolved
+from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
 from .study import Cause, ConstraintKinds, EngineStudy
 from .supplied import Supplied, stated
 
@@ -251,6 +251,24 @@ def engine(name: str, preset: str = ASSISTED, **options: Any) -> Engine:
             raise unknown_option(name, unknown, known) from None
         raise
     return simulator if isinstance(simulator, Engine) else completed(simulator, preset, options)
+
+
+def presets_of(name: str, asked: Iterable[str] = PRESETS) -> tuple[str, ...]:
+    """Those of some presets that an engine has, in their order, or all of a former release's.
+
+    Args:
+        name: of the engine.
+        asked: names; :data:`.presets.PRESETS` stands for all of its presets.
+    """
+    asked, known = tuple(asked), tuple(engine_class(name).presets())
+    if asked == PRESETS:
+        return tuple(sorted(known, key=_shown_at))
+    found = (resolved(preset, known) for preset in asked)
+    return tuple(dict.fromkeys(preset for preset in found if preset in known))
+
+
+def _shown_at(preset: str) -> int:
+    return PRESETS.index(preset) if preset in PRESETS else len(PRESETS)
 
 
 def option_names(name: str) -> tuple[str, ...] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import trebucheck as tb
 
-comparison = tb.compare(["fixed"], presets=["tuned"])
+comparison = tb.compare(["fixed"], presets=["assisted"])
 for run in comparison.results.runs:
     position = run.metric("position_max", "projectile")
     error = (

@@ -10,7 +10,9 @@ import trebucheck as tb
 steps = (2e-3, 1e-3, 5e-4)
 errors: list[float] = []
 for step in steps:
-    run = tb.compare(["fixed"], ["pymunk"], ["tuned"], timestep=step, isolate=False).results.runs[0]
+    run = tb.compare(
+        ["fixed"], ["pymunk"], ["assisted"], timestep=step, isolate=False
+    ).results.runs[0]
     position = run.metric("position_max", "projectile")
     if position is None or position.value is None:
         raise SystemExit(run.message)

@@ -21,8 +21,8 @@ class ScipyBodies(BuiltinEngine):
 
     name: ClassVar[str] = "scipy-bodies"
     package: ClassVar[str] = "scipy"  # its version is recorded
-    # The preset 'stock' beside 'tuned'.
-    stock_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-6}
+    # The preset 'default' beside 'assisted', whose options are the defaults of the fields.
+    default_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-6}
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=False,

@@ -258,7 +258,7 @@ class Solution(Shown):
         provenance = provenance or Provenance(
             engine="reference",
             engine_version=__version__,
-            preset="tuned",
+            preset="assisted",
             settings=dict(self.settings),
             mechanism_hash=mechanism.content_hash,
             duration=self.problem.duration,

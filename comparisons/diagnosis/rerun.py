@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from ...engines.presets import ASSISTED
 from ...engines.protocol import Engine
 from ...engines.registry import causes_of, with_options
 from ...engines.registry import engine as make
@@ -141,7 +142,7 @@ def _share(left: FloatArray, size: float) -> float:
 
 
 def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
-    """The engine without one of its budget's causes, or with one option as tuned.
+    """The engine without one of its budget's causes, or with one option as in its assisted preset.
 
     A removal that shortens the step leaves what follows the step, options that are None, to follow
     it. An error budget keeps it as it is, to tell the parts of an error. Who looks for a cause has
@@ -159,7 +160,8 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
             kept = {name: v for name, v in removal.options.items() if name not in followers}
             removal = replace(removal, options=kept)
         yield _Setting(cause.name, removal.described(options), removal.options)
-    tuned = make(engine.name, "tuned").settings
+    assisted = make(engine.name, ASSISTED).settings
     for name, value in options.items():
-        if name in tuned and value != tuned[name] and name not in known | {_STEP}:
-            yield _Setting(f"option {name}", f"{value}; tuned: {tuned[name]}", {name: tuned[name]})
+        if name in assisted and value != assisted[name] and name not in known | {_STEP}:
+            text = f"{value}; {ASSISTED}: {assisted[name]}"
+            yield _Setting(f"option {name}", text, {name: assisted[name]})

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from ...engines.presets import ASSISTED, DEFAULT, SETTINGS
 from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
@@ -49,13 +50,26 @@ class Style:
     symbol: Symbol = "circle"
 
 
+_MARKS: Mapping[str, tuple[float, Symbol]] = {
+    ASSISTED: (0.0, "circle"),
+    SETTINGS: (0.35, "square"),
+    DEFAULT: (0.65, "triangle"),
+}
+"""Share of grey and symbol by preset; another one is shown as the default."""
+
 REFERENCE = Style(INK, width=4.0)  # below the lines of the engines, which hide it where they agree
 
 
 def run_style(engine: str, preset: str) -> Style:
-    """Colour by engine; a preset that is not the tuned one is dashed and has squares."""
-    tuned = preset == "tuned"
-    return Style(engine_colour(engine), dashed=not tuned, symbol="circle" if tuned else "square")
+    """Colour by engine, greyer, dashed and with another symbol by the preset."""
+    greyness, symbol = _MARKS.get(preset, _MARKS[DEFAULT])
+    return Style(_greyed(engine_colour(engine), greyness), dashed=greyness > 0, symbol=symbol)
+
+
+def _greyed(colour: str, share: float) -> str:
+    """A colour '#rrggbb' with a share of middle grey."""
+    parts = (int(colour[at : at + 2], 16) for at in (1, 3, 5))
+    return "#" + "".join(f"{round((1 - share) * part + share * 128):02x}" for part in parts)
 
 
 @dataclass(frozen=True)
@@ -136,7 +150,7 @@ class Plot:
 
 
 Panels = tuple[Plot, ...]  # plots beside each other under one legend
-REFERENCE_RUN = "reference tuned"  # label of the run that is the reference itself
+REFERENCE_RUN = f"reference {ASSISTED}"  # label of the run that is the reference itself
 
 
 def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> Scene:

@@ -14,6 +14,7 @@ from threading import Lock
 from typing import Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
+from ...engines.presets import PRESETS
 from ...engines.protocol import Engine
 from ...engines.registry import (
     Engines,
@@ -22,6 +23,7 @@ from ...engines.registry import (
     engine_names,
     engines_of,
     options_for,
+    presets_of,
     refuse_unknown_options,
 )
 from ...models.errors import InputError
@@ -141,7 +143,6 @@ def _solved(
     return solve_until(mechanism, (spans * scale for spans in _SPANS), done, law)
 
 
-PRESETS = ("tuned", "stock")
 REFERENCE = "reference"
 Progress = Callable[[str, int, int], None]
 """Called before each part with what it is, the number of parts done and of all parts."""
@@ -269,6 +270,8 @@ class Study:
             raise InputError("no model was named; at least one is needed.")
         for name in self.engines or ():
             engine_class(name)
+        for name in self.engines or ():
+            self.presets_of(name)
         refuse_unknown_options(self.options, self.every_engine)
         self.needs.refuse_unknown_subjects(self.mechanisms)
         if self.every_engine:  # without one it is a file that is judged
@@ -322,21 +325,38 @@ class Study:
         return engine_names() if self.engines is None else tuple(self.engines)
 
     @property
+    def compared_engines(self) -> tuple[str, ...]:
+        """Names of the engines that are compared: those asked for, else all but the reference."""
+        if self.engines is not None:
+            return tuple(self.engines)
+        return tuple(name for name in engine_names() if name != REFERENCE)
+
+    @property
     def measured_engines(self) -> tuple[str, ...]:
         """Names of the engines whose error is measured: all but the reference.
 
         Raises:
             InputError: the reference was named, or no engine was.
         """
-        if self.engines is None:
-            return tuple(name for name in engine_names() if name != REFERENCE)
-        if not self.engines:
+        if self.engines is not None and not self.engines:
             raise InputError("no engine was named; at least one is needed.")
-        if REFERENCE in self.engines:
+        if REFERENCE in (self.engines or ()):
             raise InputError(
                 f"engine {REFERENCE!r} is what the others are measured against; name another one."
             )
-        return tuple(self.engines)
+        return self.compared_engines
+
+    def presets_of(self, name: str) -> tuple[str, ...]:
+        """Presets of the study that an engine has.
+
+        Raises:
+            InputError: it has none of them.
+        """
+        found = presets_of(name, self.presets)
+        if not found:
+            known = ", ".join(engine_class(name).presets())
+            raise InputError(f"{name} has no preset {', '.join(self.presets)}; there are: {known}.")
+        return found
 
     def engine(self, name: str, preset: str) -> Engine:
         """An engine with the study's options; InputError: the preset or an option is not valid."""

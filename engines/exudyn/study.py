@@ -9,7 +9,7 @@ from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
 from .. import study
-from ..presets import ASSISTED, DEFAULT, SETTINGS
+from ..presets import ASSISTED
 from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 
 PYTHON = "Exudyn in Python"

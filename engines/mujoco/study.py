@@ -10,8 +10,8 @@ from pydantic import JsonValue
 from ...models.mechanism import Mechanism
 from ...models.mjcf.variants import POINT_INERTIA
 from .. import study
-from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 from ..presets import ASSISTED, DEFAULT, SETTINGS
+from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
@@ -187,8 +187,8 @@ STUDY = study.EngineStudy(
             "fall with the step", "semi-implicit Euler, joint coordinates",
         ),
         SETTINGS: study.StepOrder(
-            None, "the limits' softness falls with the step's square, but a step goes over the kink "
-            "at a release, wherever that is in it", "RK4, joint coordinates",
+            None, "the limits' softness falls with the step's square, but a step goes over the "
+            "kink at a release, wherever that is in it", "RK4, joint coordinates",
         ),
         ASSISTED: study.StepOrder(
             2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, "

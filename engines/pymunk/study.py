@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .. import study
-from ..presets import ASSISTED, DEFAULT, SETTINGS
+from ..presets import ASSISTED
 from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
 
 PYTHON = "pymunk in Python"

@@ -20,8 +20,8 @@ from ...reference.taylor.expressions import why_not_taylor
 from ...reference.taylor.solve import solve_taylor
 from ...version import __version__
 from ..inspection import Dynamics, Inspection, State
-from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..presets import ASSISTED
+from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy, Tolerance
 from ..supplied import Assistance
 

@@ -359,7 +359,7 @@ def _machines(data: JsonValue) -> Iterator[Block]:
     ]
     text = (
         "Largest distance of any marked point from the reference up to the launch, each engine "
-        "with its tuned preset at its own default step; in brackets the agreement tolerance."
+        "with its assisted preset at its own default step; in brackets the agreement tolerance."
     )
     yield from _section("How well the engines follow [m]", ("machine", *names), rows, [text])
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import escape
 
+from ....engines.presets import ASSISTED
 from ....models.errors import InputError
 from ....models.files import write_text
 from ....models.shown import Reported
@@ -81,7 +82,7 @@ def animation(reference: Trajectory, others: Sequence[Trajectory]) -> Animation:
         run = other.provenance
         label = f"{run.engine} {run.preset}"
         label = f"{label} ({k + 1})" if label in looks else label
-        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], run.preset != "tuned")
+        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], run.preset != ASSISTED)
     shown = scene(reference, looks)
     return Animation((shown,), f"{shown.mechanism_title}: the motion")
 

@@ -13,6 +13,7 @@ from operator import attrgetter, methodcaller
 
 import numpy as np
 
+from ....engines.presets import ASSISTED
 from ....engines.supplied import sentence as supplied_sentence
 from ....models.arrays import FloatArray
 from ....models.library.trebuchet import parameters_of
@@ -39,8 +40,7 @@ _INTRODUCTION = (
     "Values marked ✓ hold a tolerance, values marked ✗ break one. A run agrees if every compared "
     "quantity holds its tolerance: the user's need where one is stated, else the engine's claim, "
     "else a thousandth of the quantity's scale. What one solver does and the other does not (a "
-    "launch, a release, an impact) is a disagreement. “Stock” is what an engine's documentation "
-    "leads a newcomer to, “tuned” the most accurate settings found."
+    "launch, a release, an impact) is a disagreement. " + tables.PRESETS_EXPLAINED
 )
 _EQUIVALENCE = (
     "Before any motion, each engine's built model is compared with the reference's equations in "
@@ -244,7 +244,7 @@ class Line:
 
 
 def lines(comparison: Comparison, machine: Machine) -> list[Line]:
-    """Runs of one machine up to the end of what is compared, but for the tuned reference."""
+    """Runs of one machine up to the end of what is compared, but for the reference."""
     solution, end = comparison.solutions[machine.model], machine.compared_to
     drawn: list[Line] = []
     for label, run in _trajectories(comparison, machine).items():
@@ -710,21 +710,21 @@ def _equivalence_row(run: Run) -> tuple[object, ...]:
 
 
 def _pairs(pairs: Sequence[Pair]) -> tuple[doc.Block, ...]:
-    """Engine against engine: all pairs on a page, those of tuned presets in a terminal."""
+    """Engine against engine: all pairs on a page, those of assisted presets in a terminal."""
     rows: list[doc.Row] = []
-    tuned: list[doc.Row] = []
+    few: list[doc.Row] = []
     distances: dict[tuple[str, str], str] = {}
     for pair in pairs:
         position, release = format_number(pair.position_max), format_number(pair.release_time_max)
         speed = format_number(largest([pair.launch_speed]))
         rows.append(doc.row(pair.first, pair.second, position, release, speed))
-        if tables.both_tuned(pair.first, pair.second):
-            tuned.append(rows[-1])
+        if tables.both_assisted(pair.first, pair.second):
+            few.append(rows[-1])
         distances[pair.first, pair.second] = position
     heads = doc.columns("first | second | position [m] | release [s] | speed [m/s]")
     every = doc.table(heads, rows, "Engine against engine, all pairs")
-    caption = "engine against engine (tuned; the report has all)"
-    short = doc.table(doc.ranked(heads, second=0), tuned, caption, "terminal")
+    caption = f"engine against engine ({ASSISTED}; the report has all)"
+    short = doc.table(doc.ranked(heads, second=0), few, caption, "terminal")
     labels = [*dict.fromkeys([*(pair.first for pair in pairs), *(pair.second for pair in pairs)])]
     above: list[tuple[str, ...]] = []
     for first in labels[:-1]:

@@ -8,11 +8,20 @@ from functools import partial
 
 import numpy as np
 
+from ....engines.presets import ASSISTED
 from ...converge import Curve, MachineStudies, PowerLaw, Studies, SweepStudy
 from .. import document as doc
 from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
-from .tables import Settings, both_tuned, capital, chapter, compared_time, provenance
+from .tables import (
+    PRESETS_EXPLAINED,
+    Settings,
+    both_assisted,
+    capital,
+    chapter,
+    compared_time,
+    provenance,
+)
 
 _WHOLE = Style("#8a8f96")
 _INTRODUCTION = (
@@ -22,8 +31,7 @@ _INTRODUCTION = (
     "confidence interval (Student t), over the run of points along which the error changes most "
     "without its slope departing by more than 0.1; the rule knows of no expected exponent. A floor "
     "is an error that the parameter does not lower; its cause is found by refining every other "
-    "parameter by one step there. “Stock” is what an engine's documentation leads a newcomer to, "
-    "“tuned” the most accurate settings found."
+    "parameter by one step there. " + PRESETS_EXPLAINED
 )
 _LIMITS = (
     "Largest distance between the same markers of two runs over the compared time, with the time "
@@ -288,26 +296,26 @@ def _floors(studies: Sequence[SweepStudy]) -> doc.Table:
 
 
 def _limits(machine: MachineStudies) -> Iterator[doc.Block]:
-    tuned: list[doc.Row] = []
+    short: list[doc.Row] = []
     for limit in machine.limits:
-        if limit.preset == "tuned":
+        if limit.preset == ASSISTED:
             position = format_number(limit.position)
-            tuned.append(doc.row(limit.label, "reference", position, medium="page"))
+            short.append(doc.row(limit.label, "reference", position, medium="page"))
     every: list[doc.Row] = []
-    stock = False
+    others = False
     for pair in machine.pairs:
         every.append(doc.row(pair.first, pair.second, format_number(pair.position)))
-        if both_tuned(pair.first, pair.second):
-            tuned.append(every[-1])
+        if both_assisted(pair.first, pair.second):
+            short.append(every[-1])
         else:
-            stock = True
+            others = True
     heads = doc.ranked(doc.columns("first | second | position [m]"), second=0, position=0)
     yield doc.Heading("Limits against each other")
     yield doc.Note(_LIMITS)
-    yield doc.table(heads, tuned, f"{machine.model}: Richardson limits against each other")
-    if stock:
+    yield doc.table(heads, short, f"{machine.model}: Richardson limits against each other")
+    if others:
         shown = doc.table(heads, every, "All pairs")
-        yield doc.Fold("All pairs, stock presets among them", (shown,))
+        yield doc.Fold("All pairs, other presets among them", (shown,))
 
 
 def _point_table(study: SweepStudy) -> doc.Table:

@@ -13,8 +13,8 @@ from ...explain import (
     ExplainedMachine,
     Explanation,
     Figures,
+    PresetComparison,
     QuantityBudget,
-    StockAgainstTuned,
 )
 from .. import document as doc
 from ..document import format_number, format_percent
@@ -46,10 +46,10 @@ _HOW_TO_READ = (
     "rest in quadrature."
 )
 _CHANGES = (
-    "Both presets at the same step; one option changed at a time, from stock towards tuned and "
-    "from tuned back. Largest distance of any marker, largest error of a stop's torque at any "
+    "Two presets at the step of the first; one option changed at a time, from the first towards "
+    "the second and back. Largest distance of any marker, largest error of a stop's torque at any "
     "sample, largest error of a release time, wall time (median of up to three). Factors are "
-    "against the preset the line starts from (tuned: against stock): ÷ smaller, × larger."
+    "against the preset the line starts from (the second: against the first): ÷ smaller, × larger."
 )
 
 
@@ -131,7 +131,7 @@ def _chapter(explanation: Explanation, machine: ExplainedMachine) -> Iterator[do
     yield doc.table(ranked, rows, f"{machine.model}: where the errors come from", "terminal")
     for budget in budgets:
         yield from _budget(budget)
-    yield doc.Heading("Stock against tuned: what each option buys")
+    yield doc.Heading("Each preset beside the next: what every option buys")
     yield doc.Note(_CHANGES)
     yield from (_changes(each) for each in explanation.comparisons if each.model == machine.model)
     yield doc.Listing(tuple(failures), medium="terminal")
@@ -238,9 +238,10 @@ def _measurements(budget: Budget, quantities: Sequence[QuantityBudget]) -> doc.T
     return doc.table(heads, [*rows, *noise], "Shares of the error, and how they were measured")
 
 
-def _changes(comparison: StockAgainstTuned) -> doc.Table:
+def _changes(comparison: PresetComparison) -> doc.Table:
     """The presets and each option's change: values with factors; a terminal has one of the two."""
-    stock, tuned, changes = comparison.stock, comparison.tuned, comparison.changes
+    first, second, changes = comparison.first, comparison.second, comparison.changes
+    former, latter = comparison.presets
     force = "force" if comparison.force_unit == "N" else "torque"
     titles = {
         "position": "position [m]",
@@ -248,7 +249,7 @@ def _changes(comparison: StockAgainstTuned) -> doc.Table:
         "release": "release [s]",
         "wall_time": "wall [s]",
     }
-    settings = [stock, tuned]
+    settings = [first, second]
     for change in changes:
         settings += [change.alone, change.back]
     # Without stops there are no torques and no releases.
@@ -257,12 +258,12 @@ def _changes(comparison: StockAgainstTuned) -> doc.Table:
         name for name in titles if not ran or any(getattr(each, name) is not None for each in ran)
     ]
     presets = (
-        ("stock", stock, "tuned", [(each.option, each.tuned, each.alone) for each in changes]),
-        ("tuned", tuned, "stock", [(each.option, each.stock, each.back) for each in changes]),
+        (former, first, latter, [(each.option, each.second, each.alone) for each in changes]),
+        (latter, second, former, [(each.option, each.first, each.back) for each in changes]),
     )
     rows: list[doc.Row] = []
     for preset, figures, other, options in presets:
-        cells = _values(fields, figures, stock, preset=True)
+        cells = _values(fields, figures, first, preset=True)
         rows.append(doc.row(doc.Cell(preset, "strong"), preset, *cells))
         for option, value, changed in options:
             label = f"{preset}, {option} = {_option_value(value)}"

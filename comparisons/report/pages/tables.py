@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Protocol
 
+from ....engines.presets import ASSISTED, MEANINGS, PRESETS
 from ....models.mechanism import Mechanism
 from ....reference.certification.certificate import Figure
 from ...diagnosis.rank import SAME
@@ -26,6 +27,12 @@ MARKS: dict[Outcome, doc.Mark] = {
 }
 """Marks of verdicts."""
 _MOST_OF_IT = 0.5  # share of a deviation below which a suspect is no cause
+PRESETS_EXPLAINED = (
+    "The preset "
+    + ", ".join(f"“{preset}” is {MEANINGS[preset]}" for preset in PRESETS)
+    + "; each row says what trebucheck does in it."
+)
+"""Meaning of the presets, for a page's introduction."""
 _LISTED = 5  # singular positions whose times are stated
 # Why nothing is compared beyond the predictability horizon
 _HORIZON = (
@@ -60,9 +67,9 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def both_tuned(first: str, second: str) -> bool:
-    """Tell whether both labels of runs end in the tuned preset."""
-    return first.endswith("tuned") and second.endswith("tuned")
+def both_assisted(first: str, second: str) -> bool:
+    """Tell whether both labels of runs end in the assisted preset."""
+    return first.endswith(ASSISTED) and second.endswith(ASSISTED)
 
 
 # --- Verdicts and causes

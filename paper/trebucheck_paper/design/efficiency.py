@@ -36,6 +36,7 @@ from trebucheck.api.mechanics import (
     solve_to_launch,
 )
 from trebucheck.api.studies import Comparison, Outcome, Run, compare
+from trebucheck.engines.presets import ASSISTED
 
 from ..evidence.claims import EngineValue
 from ..evidence.engine_runs import Allowed, speed_allowance
@@ -350,7 +351,7 @@ def _rated(
 
 
 def efficiencies(engines: Sequence[str] | None = None) -> Machines:
-    """Throw every named machine by the reference and the engines' tuned presets.
+    """Throw every named machine by the reference and the engines' assisted presets.
 
     Args:
         engines: names; all if left out, none if empty. One that is absent or fails becomes a note.
@@ -358,7 +359,7 @@ def efficiencies(engines: Sequence[str] | None = None) -> Machines:
     started = time.perf_counter()
     names = tuple(models())
     named = engines if engines is None else tuple(engines) or ("reference",)
-    comparison = compare(names, engines=named, presets=("tuned",), diagnose=False)
+    comparison = compare(names, engines=named, presets=(ASSISTED,), diagnose=False)
     rows = tuple(_efficiency(name, comparison) for name in names)
     return Machines(
         machines=rows, slings=SLINGS, bounds=BOUNDS, seconds=time.perf_counter() - started

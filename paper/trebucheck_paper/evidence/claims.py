@@ -98,7 +98,7 @@ class Quantity(Spec):
 
 
 class EngineValue(Spec):
-    """Value of the same quantity in one engine's tuned run."""
+    """Value of the same quantity in one engine's assisted run."""
 
     engine: str
     value: Real | None = Field(description="None where it has none; `note` then says why")

@@ -36,6 +36,7 @@ from trebucheck.api.mechanics import (
     solve,
 )
 from trebucheck.api.studies import StatedTolerance, Worker, failure, is_table_one, tolerance_for
+from trebucheck.engines.presets import ASSISTED
 
 from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
@@ -151,7 +152,7 @@ def _moved(mechanism: Mechanism, until: float) -> tuple[Readings, FloatArray]:
 def allowances(
     engine: Engine, mechanism: Mechanism, ours: Readings, amplified: Amplification
 ) -> Readings:
-    """Tolerances of each quantity of a tuned preset; those without a basis are left out."""
+    """Tolerances of each quantity of an assisted preset; those without a basis are left out."""
     position = _applied(engine, "position_max", mechanism, PROJECTILE)
     tolerances: Readings = {}
     if position is not None:
@@ -190,10 +191,10 @@ def _direct(
 def _applied(
     engine: Engine, metric: str, mechanism: Mechanism, subject: str | None = None
 ) -> StatedTolerance | None:
-    """The tolerance of the tuned preset at the engine's own step."""
+    """The tolerance of the assisted preset at the engine's own step."""
     table_one = is_table_one(mechanism)
     return tolerance_for(
-        engine.name, "tuned", metric, subject, mechanism, engine.timestep, table_one=table_one
+        engine.name, ASSISTED, metric, subject, mechanism, engine.timestep, table_one=table_one
     )
 
 
@@ -208,7 +209,7 @@ class Allowed:
 
 
 def allowed(runner: Engine, mechanism: Mechanism) -> Allowed:
-    """Tolerances of the tuned preset at its step on a mechanism, as a comparison judges them."""
+    """Tolerances of the assisted preset at its step on a mechanism, as a comparison judges them."""
     position, speed = (
         _applied(runner, "position_max", mechanism, PROJECTILE),
         _applied(runner, "launch_speed", mechanism),
@@ -243,7 +244,7 @@ def attempted(run: Callable[[], _Result]) -> _Result | str:
 def simulated(
     name: str, mechanism: Mechanism, end: float, worker: Worker | None
 ) -> Trajectory | str:
-    """An engine's tuned run up to `end` [s], or why there is none; here if there is no worker."""
+    """An engine's run up to `end` [s], or why there is none; here if there is no worker."""
     at = worker or Worker(isolate=False)
     return attempted(lambda: at.simulate(engine(name), Problem(mechanism, duration=end)))
 

@@ -83,7 +83,7 @@ class Position(Spec):
     speed: Quantity | None = Field(description="at the launch, under release-once [m/s]")
     bilateral_speed: Real | None = Field(description="at the launch, under the bilateral law [m/s]")
     engines: tuple[EngineValue, ...] = Field(
-        default=(), description="launch speed of each engine's tuned preset [m/s]"
+        default=(), description="launch speed of each engine's assisted preset [m/s]"
     )
     engines_furthest_back: tuple[EngineValue, ...] = Field(
         default=(), description="as `furthest_back` [rad]"
