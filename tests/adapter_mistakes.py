@@ -737,7 +737,7 @@ def applies(mistake: Mistake, mechanism: tb.Mechanism) -> bool:
 def compared(name: str, mechanism: tb.Mechanism, options: Mapping[str, Any]) -> Run:
     """What a comparison says of an engine with the mistake."""
     _CURRENT.append(name)
-    comparison = tb.compare([mechanism], ["stranger"], ["tuned"], isolate=False, **options)
+    comparison = tb.compare([mechanism], ["stranger"], ["assisted"], isolate=False, **options)
     (run,) = comparison.results.runs
     return run
 

@@ -179,7 +179,7 @@ class Growing(Everything):
         def make(**options: Any) -> tb.Engine:
             return cls(told=bool(options), **options)
 
-        return {"tuned": make, "stock": make}
+        return {"assisted": make, "default": make}
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -197,13 +197,13 @@ class Unmade(Everything):
 
 
 class OnePreset(Everything):
-    """Has no stock preset."""
+    """Has no default preset."""
 
     name = "one-preset"
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., tb.Engine]]:
-        return {"tuned": cls}
+        return {"assisted": cls}
 
 
 class Versionless(Everything):

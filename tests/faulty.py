@@ -139,7 +139,7 @@ def run_with(fault: Fault, model: str, monkeypatch: pytest.MonkeyPatch) -> Run:
     results = tb.compare(
         [model],
         [fault.engine],
-        ["tuned"],
+        ["assisted"],
         until=JUDGED_TO.get(model),
         isolate=False,
         **(fault.options or {}),

@@ -127,7 +127,7 @@ class Formula:
             joint_reactions={
                 joint.name: self.reactions[joint.name](t) for joint in self.mechanism.joints
             },
-            provenance=Provenance("formula", "1", "tuned", {}, "", 2.0, self.law.value, 1, 0.0),
+            provenance=Provenance("formula", "1", "assisted", {}, "", 2.0, self.law.value, 1, 0.0),
             impacts=self.impacts,
         )
 

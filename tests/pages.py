@@ -44,7 +44,7 @@ COMMAND = (
 
 @cache
 def comparison() -> Comparison:
-    """Two machines, one engine that agrees tuned and disagrees stock, and a run that could not be
+    """Two machines, one engine that agrees assisted and disagrees default, and a run that could not be
     made.
     """
     found = tb.compare(["fixed", "pendulum"], ["reference", "pymunk"], timestep=4e-3, isolate=False)
@@ -62,7 +62,7 @@ def comparison() -> Comparison:
 
 
 def _study(model: str) -> Study:
-    return Study([model], ["pymunk"], presets=["stock"], until=1.0, isolate=False)
+    return Study([model], ["pymunk"], presets=["default"], until=1.0, isolate=False)
 
 
 def _throw() -> Document:

@@ -48,7 +48,7 @@ class Echo:
         formulation="borrowed",
     )
     timestep: float = 1e-3
-    preset: str = "tuned"
+    preset: str = "assisted"
 
     @property
     def settings(self) -> dict[str, JsonValue]:
@@ -56,7 +56,7 @@ class Echo:
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., tb.Engine]]:
-        return {"tuned": cls, "stock": partial(cls, preset="stock")}
+        return {"assisted": cls, "default": partial(cls, preset="default")}
 
     @classmethod
     def is_installed(cls) -> bool:
@@ -142,7 +142,7 @@ class Plain:
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., Any]]:
-        return {"tuned": cls, "stock": cls}
+        return {"assisted": cls, "default": cls}
 
     @classmethod
     def is_installed(cls) -> bool:

@@ -111,7 +111,7 @@ def compared(name: str, *engines: str, diagnose: bool = True) -> Any:
         wrong_engines.announce(Path(folder))
         patch.syspath_prepend(folder)
         found = tb.compare(
-            [build()], list(engines), ["tuned"], isolate=False, diagnose=diagnose, **options
+            [build()], list(engines), ["assisted"], isolate=False, diagnose=diagnose, **options
         )
     return json.loads(found.results.to_json())
 
@@ -353,7 +353,7 @@ CASES: dict[str, Callable[[], Any]] = {
     **{
         f"runs-{engine}-{preset}": partial(runs_of, engine, preset)
         for engine in ("mujoco", "pymunk", "exudyn")
-        for preset in ("tuned", "stock")
+        for preset in ("assisted", "default")
     },
     **{
         f"runs-{engine}-models": partial(recorded_engines.models, engine, inspected)

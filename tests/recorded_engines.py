@@ -324,7 +324,7 @@ def studied(engine: str) -> list[Any]:
     found: list[Any] = []
     mechanisms = (None, tb.hinged())
     every = [{}, *VARIANTS.get(engine, []), *AT_LIMITS.get(engine, [])]
-    for preset in ("tuned", "stock"):
+    for preset in ("assisted", "default"):
         for options in every:
             made = tb.engine(engine, preset, **options)
             for mechanism in mechanisms:

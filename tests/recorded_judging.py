@@ -549,8 +549,8 @@ def held_against(name: str) -> list[Any]:
     found: list[Any] = []
     first = 0
     for engine, preset, step in (
-        ("mujoco", "tuned", 1e-3), ("mujoco", "stock", 2e-3), ("pymunk", "tuned", 5e-4),
-        ("pymunk", "stock", 1e-2), ("exudyn", "tuned", 4e-3), ("reference", "tuned", None),
+        ("mujoco", "assisted", 1e-3), ("mujoco", "default", 2e-3), ("pymunk", "assisted", 5e-4),
+        ("pymunk", "default", 1e-2), ("exudyn", "assisted", 4e-3), ("reference", "assisted", None),
     ):  # fmt: skip
         for need in needs:
             run = _run(engine, preset, step, metrics)
@@ -567,7 +567,7 @@ def claims() -> list[Any]:
     found: list[Any] = []
     for mechanism in (tb.fixed(), tb.rolling()):
         for engine in ("mujoco", "pymunk", "exudyn", "reference"):
-            for preset in ("tuned", "stock"):
+            for preset in ("assisted", "default"):
                 for kind in QUANTITIES.values():
                     for subject in (*kind.subjects(mechanism), None):
                         for step in (1e-3, 1.7e-2):
@@ -601,27 +601,29 @@ def conformed() -> list[Any]:
     """Certificates, badges and advice of results with every state; judgements of metrics."""
     kept, broken, skipped = CheckState.KEPT, CheckState.BROKEN, CheckState.SKIPPED
     rows = (
-        _verdict("reference/tuned/interface/description", kept),
-        _verdict("reference/tuned/interface/refuses", broken, text="it moves 3 of them"),
-        _verdict("reference/tuned/fixed/runs", kept, wall_time=1.25),
-        _verdict("reference/tuned/fixed/position", kept, error=2e-4, tolerance=5e-4, unit="m"),
-        _verdict("reference/tuned/fixed/speed", broken, error=0.4, tolerance=0.1, unit="m/s",
+        _verdict("reference/assisted/interface/description", kept),
+        _verdict("reference/assisted/interface/refuses", broken, text="it moves 3 of them"),
+        _verdict("reference/assisted/fixed/runs", kept, wall_time=1.25),
+        _verdict("reference/assisted/fixed/position", kept, error=2e-4, tolerance=5e-4, unit="m"),
+        _verdict("reference/assisted/fixed/speed", broken, error=0.4, tolerance=0.1, unit="m/s",
                  text="x 7", cause="is 2 % of gravity"),
-        _verdict("reference/tuned/fixed/energy", CheckState.NOT_JUDGED, text="no tolerance 9"),
-        _verdict("reference/tuned/bead/runs", skipped, text="it has no slot 5"),
-        _verdict("reference/tuned/bead/position", skipped, text="it has no slot 5"),
-        _verdict("reference/tuned/catapult/release", CheckState.DEVIATES, error=3.0, tolerance=2.0,
+        _verdict("reference/assisted/fixed/energy", CheckState.NOT_JUDGED, text="no tolerance 9"),
+        _verdict("reference/assisted/bead/runs", skipped, text="it has no slot 5"),
+        _verdict("reference/assisted/bead/position", skipped, text="it has no slot 5"),
+        _verdict("reference/assisted/catapult/release", CheckState.DEVIATES, error=3.0, tolerance=2.0,
                  text="known since 2020"),
-        _verdict("reference/stock/fixed/runs", kept, wall_time=0.5),
-        _verdict("reference/stock/fixed/release", broken, error=0.3, tolerance=0.25,
+        _verdict("reference/default/fixed/runs", kept, wall_time=0.5),
+        _verdict("reference/default/fixed/release", broken, error=0.3, tolerance=0.25,
                  unit="s", text="y 8"),
         _verdict("deviations/file/row/ref*", skipped, text="row 1: none of its checks was run"),
     )  # fmt: skip
-    fields = {"tier": "quick", "engines": {"reference/tuned": "1.0", "reference/stock": "2.0"}}
+    fields = {"tier": "quick", "engines": {"reference/assisted": "1.0", "reference/default": "2.0"}}
     groups = (rows, rows[:1], rows[:4], rows[6:8], (*rows[2:4], rows[8]), (rows[2], *rows[6:8]))
     found: list[Any] = []
     for chosen in groups:
-        results = Conformance.made_here(**fields, supplied={"reference/tuned": {}}, verdicts=chosen)
+        results = Conformance.made_here(
+            **fields, supplied={"reference/assisted": {}}, verdicts=chosen
+        )
         found += [results.passed, {s.value: n for s, n in sorted(results.counts.items())}]
         found += [badge(results).replace('"', " "), list(next_steps(results))]
         page = markdown.text(certificate(results))
@@ -643,7 +645,7 @@ def judgements() -> list[Any]:
     absent = metric(None, None, observed=False, note="not told 6")
     event = metric(None, 0.1, note="at 3 s by the engine alone")
     follows = metric(0.3, None, follows="other")
-    run = _run("reference", "tuned", None, ())
+    run = _run("reference", "assisted", None, ())
     groups = [
         [], [small], [large], [small, large], [large, small], [unknown], [small, unknown],
         [large, unknown], [absent], [absent, small], [event, small], [follows], [follows, large],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -52,7 +52,8 @@ class ReferenceEngine(BuiltinEngine):
         features=built_features(BUILT),
         elements=BUILT,  # which both formulations have
     )
-    # It is no row among engines: without presets of the engine alone, and with no assistance.
+    # Nothing assists it: its two presets differ in name alone.
+    default_options: ClassVar[Mapping[str, object]] = {}
     assistance: ClassVar[tuple[Assistance, ...]] = ()
 
     integrator: Literal["dop853", "taylor", "auto"] = Field(

@@ -222,7 +222,8 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
     yield Note(
         "“Ours” is the reference's, with the half width it is known to (certified where a "
         "certificate has the quantity). Engines run with their assisted presets at their own "
-        "default steps; green lies within the engine's tolerance, carried over to the quantity by how "
+        "default steps; green lies within the engine's tolerance, carried over to the quantity by "
+        "how "
         "strongly the machine's parameters move it with the projectile's position; point at a "
         "value for the tolerance and at a verdict for its rule."
     )

@@ -162,7 +162,7 @@ def test_the_mjcf_loads_and_says_what_the_engine_does(label: str) -> None:
         assert np.array_equal(getattr(model, name), getattr(expected, name)), name
 
 
-@pytest.mark.parametrize("label", ["limits removed", "releases located", "tuned"])
+@pytest.mark.parametrize("label", ["limits removed", "releases located", "assisted"])
 def test_the_mujoco_lines_move_the_machine_as_the_engine_does(label: str) -> None:
     mujoco: Any = pytest.importorskip("mujoco")
     step, mechanism = 5e-3, tb.rolling()

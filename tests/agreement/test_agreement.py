@@ -21,7 +21,7 @@ from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines.registry import engine_study
 from trebucheck.models.library.registry import models
 
-PRESETS = ("tuned", "stock")
+PRESETS = ("assisted", "default")
 MODELS = ("fixed", "rolling")
 ALL_MODELS = tuple(models())
 PAGE = Path(__file__).parents[2] / "docs" / "agreement.md"
@@ -51,7 +51,7 @@ def _trajectory(engine_name: str, model: str, preset: str) -> tb.Trajectory:
 
 @pytest.mark.parametrize("model", ALL_MODELS)
 def test_named_machines_agree(engine_name: str, model: str) -> None:
-    run = _run(engine_name, model, "tuned")
+    run = _run(engine_name, model, "assisted")
     assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])
     assert not run.unjudged and len(run.judged) >= 10
 
@@ -76,7 +76,7 @@ def test_the_table_of_the_page(engine_name: str) -> None:
         return
     machines, runs = table_one().results.machines, _runs(engine_name)
     rows = [(model, row) for model, row in _rows() if row["engine"].split()[0] == engine_name]
-    shown = [run for run in runs if run.model in ("fixed", "rolling") or run.preset == "tuned"]
+    shown = [run for run in runs if run.model in ("fixed", "rolling") or run.preset == "assisted"]
     assert len(shown) == len(ALL_MODELS) + 2
     assert [(model, row["engine"]) for model, row in rows] == [
         (run.model, run.label) for run in shown
@@ -109,7 +109,7 @@ def test_stock_presets_come_near(engine_name: str, model: str) -> None:
     """They need not agree within a thousandth of every scale, and the report says where they do
     not.
     """
-    run = _run(engine_name, model, "stock")
+    run = _run(engine_name, model, "default")
     assert run.outcome in (Outcome.AGREES, Outcome.DISAGREES) and not run.unjudged
     position = run.metric("position_max", "projectile")
     assert position is not None and position.value is not None
@@ -142,8 +142,8 @@ def test_order_of_releases(engine_name: str, model: str, preset: str) -> None:
     assert hanger is not None and sling is not None
     assert 0.5 < hanger < sling < 2.0
     assert trajectory.release_time("arm stop") is None
-    # pymunk's tuned preset interpolates the instant between two steps; all others have a sample.
-    if (engine_name, preset) != ("pymunk", "tuned"):
+    # pymunk's assisted preset interpolates the instant between two steps; all others have a sample.
+    if (engine_name, preset) != ("pymunk", "assisted"):
         assert {hanger, sling} <= set(trajectory.t.tolist())
 
 
@@ -176,7 +176,7 @@ def test_a_trajectory_is_whole(engine_name: str, model: str, preset: str) -> Non
 
 def test_capabilities_are_what_is_delivered(engine_name: str) -> None:
     capabilities = tb.engines()[engine_name].capabilities
-    trajectory = _trajectory(engine_name, "fixed", "tuned")
+    trajectory = _trajectory(engine_name, "fixed", "assisted")
     joints = {joint.name for joint in trajectory.mechanism.joints}
     assert set(trajectory.joint_reactions) == (joints if capabilities.joint_reactions else set())
     assert set(trajectory.joint_gaps) == (joints if capabilities.joint_gaps else set())
@@ -195,7 +195,7 @@ def test_joint_forces_are_near(engine_name: str, model: str) -> None:
 
     A thousandth will do.
     """
-    run = _run(engine_name, model, "tuned")
+    run = _run(engine_name, model, "assisted")
     for joint in ("fulcrum", "sling pin", "hanger pin"):
         metric = run.metric("joint_reaction_relative", joint)
         if tb.engines()[engine_name].capabilities.joint_reactions:
@@ -211,7 +211,7 @@ def test_random_machines_agree(
     engine_name: str, parameters: tb.TrebuchetParameters, model: str
 ) -> None:
     comparison = tb.compare(
-        [model], [engine_name], ["tuned"], parameters=parameters, isolate=False, diagnose=False
+        [model], [engine_name], ["assisted"], parameters=parameters, isolate=False, diagnose=False
     )
     (run,) = comparison.results.runs
     assert run.outcome is Outcome.AGREES, "\n".join([run.message or "", *complaints(run)])
@@ -251,7 +251,9 @@ def test_every_pair_agrees_as_well_as_its_two_tolerances_allow() -> None:
     pairs = [
         pair
         for pair in results.pairs
-        if pair.model in MODELS and pair.first.endswith("tuned") and pair.second.endswith("tuned")
+        if pair.model in MODELS
+        and pair.first.endswith("assisted")
+        and pair.second.endswith("assisted")
     ]
     assert len(pairs) == 2 * len(engines) * (len(engines) - 1) // 2
     for pair in pairs:

@@ -89,13 +89,13 @@ def _check(found: Budget) -> None:
 @pytest.mark.parametrize(
     ("machine", "name", "preset"),
     [
-        *(("fixed", name, preset) for name in _STEPS for preset in ("tuned", "stock")),
-        pytest.param("rolling", "mujoco", "stock", marks=again),
-        pytest.param("rolling", "exudyn", "tuned", marks=again),
-        pytest.param("rolling", "mujoco", "tuned", marks=again),
-        pytest.param("rolling", "pymunk", "tuned", marks=again),
-        pytest.param("rolling", "pymunk", "stock", marks=again),
-        pytest.param("rolling", "exudyn", "stock", marks=again),
+        *(("fixed", name, preset) for name in _STEPS for preset in ("assisted", "default")),
+        pytest.param("rolling", "mujoco", "default", marks=again),
+        pytest.param("rolling", "exudyn", "assisted", marks=again),
+        pytest.param("rolling", "mujoco", "assisted", marks=again),
+        pytest.param("rolling", "pymunk", "assisted", marks=again),
+        pytest.param("rolling", "pymunk", "default", marks=again),
+        pytest.param("rolling", "exudyn", "default", marks=again),
     ],
 )
 def test_nine_tenths_of_each_error_are_explained(
@@ -108,9 +108,9 @@ def test_nine_tenths_of_each_error_are_explained(
 @pytest.mark.parametrize(
     ("machine", "name", "preset"),
     [
-        pytest.param("other fixed", "mujoco", "stock", marks=again),
-        pytest.param("other fixed", "pymunk", "tuned", marks=again),
-        ("other rolling", "exudyn", "tuned"),
+        pytest.param("other fixed", "mujoco", "default", marks=again),
+        pytest.param("other fixed", "pymunk", "assisted", marks=again),
+        ("other rolling", "exudyn", "assisted"),
     ],
 )
 def test_on_another_machine_too(
@@ -123,21 +123,23 @@ def test_on_another_machine_too(
 def test_the_causes_are_the_ones_that_are_known(machines: dict[str, EngineRuns]) -> None:
     """What each engine's documentation and equations say of it."""
     trials = machines["fixed"]
-    softness = _share(_budget(trials, "mujoco", "tuned"), "position", "constraint softness")
+    softness = _share(_budget(trials, "mujoco", "assisted"), "position", "constraint softness")
     assert (softness.fraction or 0.0) > 0.9
     # Linear in 1 - d: doubling it tells the same share as a true removal, but for the 1/64 that
     # this one leaves.
     assert softness.second == pytest.approx((softness.fraction or 0.0) * 64 / 63, rel=0.01)
     assert (
-        _share(_budget(trials, "pymunk", "tuned"), "position", "time step").fraction or 0.0
+        _share(_budget(trials, "pymunk", "assisted"), "position", "time step").fraction or 0.0
     ) > 0.9
-    start = _share(_budget(trials, "pymunk", "stock"), f"{HANGER_REST} torque", "solver passes")
+    start = _share(_budget(trials, "pymunk", "default"), f"{HANGER_REST} torque", "solver passes")
     # Stops that hold their lengths get the passes that they need, too: either removal is enough,
     # and each has half.
     assert (start.first or 0.0) > 0.9 and start.fraction == pytest.approx(
         (start.first or 0.0) / 2, rel=0.01
     )
-    located = _share(_budget(trials, "exudyn", "stock"), f"{HANGER_REST} release", "event location")
+    located = _share(
+        _budget(trials, "exudyn", "default"), f"{HANGER_REST} release", "event location"
+    )
     assert (located.fraction or 0.0) > 0.9
 
 
@@ -148,15 +150,15 @@ def test_softness_written_out_is_the_softness_that_follows_the_step() -> None:
     """
     pytest.importorskip("mujoco")
     for integrator in ("RK4", "Euler"):
-        tuned = MujocoEngine.tuned(integrator=integrator)
-        finer = next(c for c in causes_of(tuned) if c.name == "time step").options
-        written = with_options(tuned, {"solref": finer["solref"]})
+        assisted = MujocoEngine.assisted(integrator=integrator)
+        finer = next(c for c in causes_of(assisted) if c.name == "time step").options
+        written = with_options(assisted, {"solref": finer["solref"]})
         problem = Problem(fixed(), duration=0.2)
-        assert np.array_equal(tuned.simulate(problem).q, written.simulate(problem).q)
+        assert np.array_equal(assisted.simulate(problem).q, written.simulate(problem).q)
 
 
 def test_exudyns_multipliers_alternate_and_the_filter_finds_it() -> None:
-    """Half of the tuned torque's error changes sign with every step.
+    """Half of the assisted torque's error changes sign with every step.
 
     What the filter leaves is smooth.
     """

@@ -63,13 +63,13 @@ def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
 
 @pytest.fixture(autouse=True)
 def _no_more_runs_than_needed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Repeats are for timing, floors have tests of their own, and stock presets no bar here."""
+    """Repeats are for timing, floors have tests of their own, and default presets no bar here."""
 
     def without_stock_steps(engine: str, names: list[str] | None = None) -> list[SweptParameter]:
         return [
             replace(knob, repeats=1)
             for knob in swept_parameters(engine, names)
-            if (knob.name, knob.preset) != ("timestep", "stock")
+            if (knob.name, knob.preset) != ("timestep", "default")
         ]
 
     monkeypatch.setattr(studying, "swept_parameters", without_stock_steps)
@@ -78,7 +78,7 @@ def _no_more_runs_than_needed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _steps(name: str, engine: str) -> tuple[MachineStudies, SweepStudy]:
     machine = _machine(name, ("timestep",))
-    return machine, next(study for study in machine.studies if study.label == f"{engine} tuned")
+    return machine, next(study for study in machine.studies if study.label == f"{engine} assisted")
 
 
 @both
@@ -95,7 +95,7 @@ def test_tuned_presets_are_of_second_order(name: str, engine: str) -> None:
 @pytest.mark.parametrize("engine", ENGINES)
 def test_limits_come_to_the_reference(name: str, engine: str) -> None:
     machine, _ = _steps(name, engine)
-    limit = machine.limit(f"{engine} tuned")
+    limit = machine.limit(f"{engine} assisted")
     assert limit is not None
     assert limit.power == 2
     assert limit.position <= LIMIT[engine]
@@ -105,13 +105,13 @@ def test_limits_come_to_the_reference(name: str, engine: str) -> None:
 @both
 def test_all_formulations_agree_pairwise(name: str) -> None:
     machine, _ = _steps(name, "mujoco")
-    tuned = [
+    assisted = [
         pair
         for pair in machine.pairs
-        if pair.first.endswith("tuned") and pair.second.endswith("tuned")
+        if pair.first.endswith("assisted") and pair.second.endswith("assisted")
     ]
-    assert len(tuned) == 3
-    assert max(pair.position for pair in tuned) <= PAIRWISE
+    assert len(assisted) == 3
+    assert max(pair.position for pair in assisted) <= PAIRWISE
 
 
 @pytest.mark.parametrize("name", ["rolling, to 1.6 s", pytest.param("rolling", marks=again)])

@@ -73,7 +73,7 @@ def _releases(run: Trajectory, exact: Solution, stop: str) -> tuple[float | None
 @pytest.mark.parametrize("name", MACHINES)
 def test_tuned_at_its_own_step_stays_within_the_bars(name: str) -> None:
     exact = reference(name)
-    run = ExudynEngine.tuned().simulate(exact.problem)
+    run = ExudynEngine.assisted().simulate(exact.problem)
     there = exact.trajectory(run.t)
     for marker in run.mechanism.markers:
         assert position_error(run, exact, marker.name) <= 1e-5
@@ -410,13 +410,13 @@ def test_what_lifts_off_falls_back_and_stands_again() -> None:
     assert np.divide(*off) == pytest.approx(4.0, rel=0.2)
 
 
-@pytest.mark.parametrize("preset", [ExudynEngine.tuned, ExudynEngine.stock])
+@pytest.mark.parametrize("preset", [ExudynEngine.assisted, ExudynEngine.default])
 def test_the_arm_meets_its_stop(preset: Callable[..., ExudynEngine]) -> None:
     """After the launch: a limit that is open at the start, impacts of it in either preset."""
     problem = Problem(fixed(), 3.2, stop_law=StopLaw.UNILATERAL)
     run, exact = preset(timestep=1e-3).simulate(problem), solve(problem)
     ((mine, impulses),), ((theirs, exact_impulses),) = run.impacts, exact.impacts
-    assert mine == pytest.approx(theirs, abs=1e-3)  # stock lets its rests go up to a step late
+    assert mine == pytest.approx(theirs, abs=1e-3)  # default lets its rests go up to a step late
     assert impulses[ARM_STOP] == pytest.approx(exact_impulses[ARM_STOP], rel=1e-2)
     assert run.stop_torque(ARM_STOP)[-1] == pytest.approx(
         exact.trajectory(run.t[-1:]).stop_torque(ARM_STOP)[0], rel=1e-2

@@ -72,7 +72,7 @@ def test_a_fault_is_seen_where_no_force_acts() -> None:
         assert {"force", "acceleration"} <= set(broken)
 
 
-@pytest.mark.parametrize("preset", ["tuned", "stock"])
+@pytest.mark.parametrize("preset", ["assisted", "default"])
 @pytest.mark.parametrize("engine", ENGINES[1:])
 def test_a_balanced_rotor_turns_at_its_speed(engine: str, preset: str) -> None:
     trajectory = tb.engine(engine, preset, timestep=1e-3).simulate(Problem(IDLE["rotor"], 1.0))
@@ -134,7 +134,7 @@ def test_what_a_wall_nearly_along_its_motion_holds_is_not_found_to_move(engine: 
     compared = tb.compare(
         [held_beside_its_rail(1e-3)],
         engines=[engine],
-        presets=["tuned"],
+        presets=["assisted"],
         timestep=4e-4,
         duration=0.2,
         isolate=False,

@@ -28,10 +28,10 @@ from trebucheck.reference.equations import Equations
 EXACT = 1e-10  # relative; the bar where an engine exposes a quantity
 P = tb.TrebuchetParameters
 TABLE_ONE = P()
-PRESETS = ("tuned", "stock")
+PRESETS = ("assisted", "default")
 
 
-def _inspectable(name: str, preset: str = "tuned", **options: object) -> Inspectable:
+def _inspectable(name: str, preset: str = "assisted", **options: object) -> Inspectable:
     engine = tb.engine(name, preset, **options)
     if not isinstance(engine, Inspectable):
         pytest.skip(f"{name} does not show its built model")

@@ -61,7 +61,9 @@ machines = pytest.mark.parametrize("name", TABLE_ONE)
 
 
 @functools.cache
-def run(name: str, timestep: float = 1e-3, preset: str = "tuned", **options: object) -> Trajectory:
+def run(
+    name: str, timestep: float = 1e-3, preset: str = "assisted", **options: object
+) -> Trajectory:
     """Table I up to the launch."""
     return MujocoEngine.presets()[preset](timestep=timestep, **options).simulate(
         table_one_motion(name).problem
@@ -190,7 +192,7 @@ def test_stock_is_held_back_by_its_soft_limits(name: str) -> None:
     D = 0.9 to 0.95, not the step, is what costs.
     """
     coarse, fine = (
-        position_error(run(name, step, "stock"), table_one_motion(name)) for step in (1e-3, 2e-4)
+        position_error(run(name, step, "default"), table_one_motion(name)) for step in (1e-3, 2e-4)
     )
     assert 1e-3 < fine < 1e-2
     assert coarse == pytest.approx(fine, rel=0.02)
@@ -288,7 +290,7 @@ def test_its_description_needs_no_mujoco() -> None:
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
         "from trebucheck.engines.mujoco.engine import MujocoEngine\n"
-        "MujocoEngine.stock(), MujocoEngine.version(), MujocoEngine.capabilities"
+        "MujocoEngine.default(), MujocoEngine.version(), MujocoEngine.capabilities"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
@@ -345,7 +347,7 @@ def test_unilateral_comes_to_rest_on_a_stop() -> None:
 def test_stock_refuses_a_stop_that_rebounds_and_does_not_soften_it() -> None:
     met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False, restitution=0.5)
     problem = Problem(rod_pendulum(met), 1.0, stop_law=StopLaw.UNILATERAL)
-    for engine in (MujocoEngine.stock(), MujocoEngine(keep_limits=True)):
+    for engine in (MujocoEngine.default(), MujocoEngine(keep_limits=True)):
         with pytest.raises(
             UnsupportedProblemError, match=r"mujoco with these options .* restitution \('met'\)"
         ):
@@ -359,7 +361,7 @@ def test_under_release_once_an_open_stop_never_acts() -> None:
     once = Problem(rod_pendulum(met), 1.0)
     assert MujocoEngine().simulate(once).q.max() > 2.0
     # Stock leaves the limits in, and says so.
-    assert MujocoEngine.stock().simulate(once).q.max() < 1.1
+    assert MujocoEngine.default().simulate(once).q.max() < 1.1
 
 
 @machines

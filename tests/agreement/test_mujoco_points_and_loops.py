@@ -63,7 +63,7 @@ def reference(name: str) -> Solution:
 
 
 @functools.cache
-def run(name: str, timestep: float = 1e-3, preset: str = "tuned") -> Trajectory:
+def run(name: str, timestep: float = 1e-3, preset: str = "assisted") -> Trajectory:
     return MujocoEngine.presets()[preset](timestep=timestep).simulate(reference(name).problem)
 
 
@@ -259,7 +259,7 @@ generic = pytest.mark.parametrize("name", GENERIC)
 # -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("preset", ["tuned", "stock"])
+@pytest.mark.parametrize("preset", ["assisted", "default"])
 @pytest.mark.parametrize(
     "mechanism",
     [*(build() for build in MACHINES.values()), *GENERIC.values()],

@@ -1,4 +1,4 @@
-"""MuJoCo's tuned preset under the unilateral law.
+"""MuJoCo's assisted preset under the unilateral law.
 
 Impacts, rebounds, rest, loops, and machines that run into a stop.
 """

@@ -88,7 +88,7 @@ WATCH = """() => {
 
 
 @pytest.mark.parametrize(
-    ("preset", "magnification"), [("stock", 1.0), ("tuned", 1.0), ("tuned", 100.0)]
+    ("preset", "magnification"), [("default", 1.0), ("assisted", 1.0), ("assisted", 100.0)]
 )
 def test_a_point_is_drawn_where_the_data_say(page: Page, preset: str, magnification: float) -> None:
     """To a pixel, from the engine's own samples and the reference; and its colour is there."""
@@ -259,8 +259,8 @@ def test_a_legend_hides_its_series_in_all_plots_of_the_group(page: Page) -> None
     page.evaluate(
         "() => { dispatchEvent(new Event('beforeprint')); dispatchEvent(new Event('afterprint')); }"
     )
-    key = page.locator("#fixed-distances .legend button", has_text="pymunk stock")
-    drawn, own = page.evaluate(LINES), page.evaluate(OWN, "pymunk stock")
+    key = page.locator("#fixed-distances .legend button", has_text="pymunk default")
+    drawn, own = page.evaluate(LINES), page.evaluate(OWN, "pymunk default")
     assert sum(own) > 5
     key.click()
     assert key.get_attribute("aria-pressed") == "false"

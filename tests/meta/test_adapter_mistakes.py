@@ -144,7 +144,7 @@ def test_a_motion_that_is_read_wrongly_is_named(name: str, mistake: str) -> None
     read = MISTAKES[mistake].read
     assert read is not None
     wrong, engine = read(right), tb.engine("reference")
-    record = machine.new_record("reference", "tuned", engine, right.mechanism)
+    record = machine.new_record("reference", "assisted", engine, right.mechanism)
     run = machine.judged(
         record.measured(wrong, runner.measured(wrong)), engine, row, Needs.of(None)
     )

@@ -33,7 +33,7 @@ REFERENCES: dict[str, MachineRuns] = {}
 PROBLEMS = ("catapult", "fixed")
 
 REJECTED: dict[str, tuple[str, str]] = {
-    "dummy_engines:OnePreset": ("interface/description", "lacks 'stock'"),
+    "dummy_engines:OnePreset": ("interface/description", "lacks 'default'"),
     "dummy_engines:Versionless": ("interface/description", "version() gives None"),
     "dummy_engines:Unversioned": ("interface/description", "version() gives ''"),
     "dummy_engines:Forgetful": ("interface/made-again", "its timestep is 0.004 instead of 0.002"),
@@ -211,15 +211,17 @@ def test_an_engine_that_is_absent_is_skipped_unless_it_is_required(
 
 
 def test_what_a_preset_takes_away_is_no_declaration_that_it_breaks() -> None:
-    """MuJoCo's stock preset has no restitution.
+    """MuJoCo's default preset has no restitution.
 
     Its suite skips and names it, and the preset that has one is judged.
     """
-    stock, tuned = (_suite(f"mujoco/{preset}", ("falling-rod",)) for preset in ("stock", "tuned"))
+    default, assisted = (
+        _suite(f"mujoco/{preset}", ("falling-rod",)) for preset in ("default", "assisted")
+    )
     problem = "falling-rod"
-    ids = [[id for id in suite.ids if f"/{problem}/" in id] for suite in (stock, tuned)]
+    ids = [[id for id in suite.ids if f"/{problem}/" in id] for suite in (default, assisted)]
     assert [len(each) > 1 for each in ids] == [False, True]
-    verdict = stock.verdict(ids[0][0])
+    verdict = default.verdict(ids[0][0])
     assert verdict.state is CheckState.SKIPPED and "restitution" in verdict.text
 
 
@@ -266,9 +268,13 @@ ROW = '[[deviation]]\nid = "{}"\nreason = "recorded in degrees"\nowner = "me"\n'
 
 def test_a_known_deviation_is_no_failure_and_a_stale_row_is_one(tmp_path: Path) -> None:
     rows = [
-        ROW.format(f"degrees/tuned/catapult/{check}") for check in ("angle", "position", "angel")
+        ROW.format(f"degrees/assisted/catapult/{check}") for check in ("angle", "position", "angel")
     ]
-    elsewhere = ["reference/tuned/catapult/angle", "degrees/stock/*", "degrees/tuned/rolling/slide"]
+    elsewhere = [
+        "reference/assisted/catapult/angle",
+        "degrees/default/*",
+        "degrees/assisted/rolling/slide",
+    ]
     session = _session(
         tmp_path, "wrong_engines:Wrong_degrees", "".join([*rows, *map(ROW.format, elsewhere)])
     )
@@ -279,7 +285,7 @@ def test_a_known_deviation_is_no_failure_and_a_stale_row_is_one(tmp_path: Path) 
     assert [found[f"deviations/file/row/{id}"].state for id in elsewhere] == [
         CheckState.SKIPPED
     ] * 3
-    known = found["degrees/tuned/catapult/angle"]
+    known = found["degrees/assisted/catapult/angle"]
     assert known.state is CheckState.DEVIATES and known.text.startswith(
         "recorded in degrees (owner: me)"
     )
@@ -298,16 +304,16 @@ def test_a_row_without_reason_or_owner_is_refused(field: str, tmp_path: Path) ->
 
 def test_the_certificate_says_what_to_do_first() -> None:
     verdicts = [
-        CheckVerdict(id="e/tuned/interface/same-again", state=CheckState.BROKEN, text="differs"),
+        CheckVerdict(id="e/assisted/interface/same-again", state=CheckState.BROKEN, text="differs"),
         CheckVerdict(
-            id="e/tuned/fixed/position",
+            id="e/assisted/fixed/position",
             state=CheckState.BROKEN,
             text="far",
             error=2.0,
             tolerance=1.0,
             unit="m",
         ),
-        CheckVerdict(id="e/tuned/fixed/angle", state=CheckState.NOT_JUDGED, text="unknown"),
+        CheckVerdict(id="e/assisted/fixed/angle", state=CheckState.NOT_JUDGED, text="unknown"),
     ]
     session = Session([], "quick", Deviations())
     results = session.results.model_copy(update={"verdicts": tuple(verdicts)})
@@ -329,8 +335,9 @@ def test_check_names_quantity_error_tolerance_and_cause() -> None:
         AssertionError, match=r"(?s)position_max \(projectile\).* m, tolerance 1.0e-06 m|degrees"
     ) as error:
         tb.check("wrong_engines:Wrong_degrees", "catapult", angle=1e-6, isolate=False)
-    assert "degrees/tuned on 'catapult': angle_max (theta): 2.2e2 rad, tolerance 1.0e-6 rad" in str(
-        error.value
+    assert (
+        "degrees/assisted on 'catapult': angle_max (theta): 2.2e2 rad, tolerance 1.0e-6 rad"
+        in str(error.value)
     )
     assert "degrees for radians" in str(error.value)
     assert tb.check(
@@ -397,14 +404,14 @@ def test_pytest_runs_the_suite_from_a_strangers_folder_and_none_of_its_tests(
     assert "1 xfailed" in output and "test_own" not in output
     found = ElementTree.parse(tmp_path / "j.xml").iter("testcase")
     cases = {(case.attrib["classname"], case.attrib["name"]): case for case in found}
-    position = cases["degrees.tuned.catapult", "position"]
+    position = cases["degrees.assisted.catapult", "position"]
     properties = {p.attrib["name"]: p.attrib["value"] for p in position.iter("property")}
     assert float(properties["error"]) <= float(properties["tolerance"]) and properties[
         "source"
     ].startswith("default")
     written = json.loads((tmp_path / "r.json").read_text())
     assert written["format"] == "trebucheck-conformance-1" and written["engines"] == {
-        "degrees/tuned": "1.0"
+        "degrees/assisted": "1.0"
     }
     assert len(written["verdicts"]) == len(cases)
     jsonschema.validate(written, json.loads(schema_text(Conformance)))
@@ -443,7 +450,7 @@ def test_several_processes_of_pytest_find_the_same_and_judge_rows_in_the_end(
         verdict["id"] for verdict in written if not verdict["id"].startswith("deviations/")
     ] == list(suite.ids)
     served: dict[str, set[str]] = {}
-    for process, problem in re.findall(r"\[gw(\d)\].* degrees/tuned/(\S+)/\S+", output):
+    for process, problem in re.findall(r"\[gw(\d)\].* degrees/assisted/(\S+)/\S+", output):
         served.setdefault(problem, set()).add(process)
     assert served.keys() == {"interface", "catapult", "incline"} and all(
         len(each) == 1 for each in served.values()
@@ -512,7 +519,7 @@ def test_the_command_line_writes_the_certificate(
             str(tmp_path / "out"),
         ]
     )
-    assert code == 1 and "uninstalled/tuned 1.0 does not conform" in capsys.readouterr().out
+    assert code == 1 and "uninstalled/assisted 1.0 does not conform" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "badge.svg", "certificate.html", "conformance.json",
     ]  # fmt: skip
@@ -523,7 +530,7 @@ def test_the_command_line_writes_the_certificate(
     [
         (["no-such-engine"], "there is no engine 'no-such-engine'"),
         (["no_such_package:Engine"], "cannot be loaded"),
-        (["dummy_engines:Full/fast"], "full has no preset 'fast'; there are: tuned, stock"),
+        (["dummy_engines:Full/fast"], "full has no preset 'fast'; there are: assisted, default"),
         (
             ["reference", "--tier", "huge"],
             "tier = 'huge' is unknown; there are: quick, standard, full",

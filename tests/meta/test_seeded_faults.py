@@ -1,4 +1,4 @@
-"""The checks catch seeded faults: a wrong machine or a wrong reading, judged as MuJoCo's tuned
+"""The checks catch seeded faults: a wrong machine or a wrong reading, judged as MuJoCo's assisted
 preset would be.
 
 The motions are the reference's own, of a machine or with a reading that is wrong in one place; an
@@ -31,12 +31,12 @@ def _compared(build: Callable[..., tb.Mechanism]) -> tuple[Runner, Machine]:
 
 
 def _judged(trajectory: tb.Trajectory, build: Callable[..., tb.Mechanism]) -> list[Metric]:
-    """Metrics that break the bars of mujoco tuned at 1e-3 s."""
+    """Metrics that break the bars of mujoco assisted at 1e-3 s."""
     runner, machine = _compared(build)
     run = Run(
         model=build().name,
         engine="mujoco",
-        preset="tuned",
+        preset="assisted",
         outcome=Outcome.NOT_JUDGED,
         engine_version="-",
         settings={"timestep": 1e-3},

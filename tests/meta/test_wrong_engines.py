@@ -33,13 +33,13 @@ def announced(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def wrong(announced: None) -> dict[str, Results]:
     """Each wrong engine's run on the fixed machine, as results of its own."""
     names = [cls.name for cls in wrong_engines.WRONG.values()]
-    results = tb.compare([tb.fixed()], names, ["tuned"], isolate=False, diagnose=False).results
+    results = tb.compare([tb.fixed()], names, ["assisted"], isolate=False, diagnose=False).results
     return {run.engine: results.model_copy(update={"runs": (run,)}) for run in results.runs}
 
 
 def _run(engine: str, mechanism: tb.Mechanism, **options: object) -> tuple[Run, bool]:
     comparison = tb.compare(
-        [mechanism], [engine], ["tuned"], isolate=False, diagnose=False, **options
+        [mechanism], [engine], ["assisted"], isolate=False, diagnose=False, **options
     )  # type: ignore[arg-type]
     (run,) = comparison.results.runs
     return run, comparison.passed
@@ -92,7 +92,7 @@ def test_a_wrong_engine_is_exit_code_1_and_a_right_one_0(tmp_path: Path) -> None
         "--models",
         "fixed",
         "--preset",
-        "tuned",
+        "assisted",
         "--no-diagnose",
         "--until",
         "1.2",

@@ -112,8 +112,8 @@ def test_the_ladder_is_of_round_steps_and_follows_the_machines_own_time() -> Non
 def test_every_set_is_valid_at_every_step_and_another_one(name: str) -> None:
     """Each candidate is an engine, and the way back from its text is that engine."""
     sets = option_sets(name)
-    assert configured(name, sets[0], 1e-3) == tb.engine(name, "stock", timestep=1e-3)
-    assert configured(name, sets[-1], 1e-3) == tb.engine(name, "tuned", timestep=1e-3)
+    assert configured(name, sets[0], 1e-3) == tb.engine(name, "default", timestep=1e-3)
+    assert configured(name, sets[-1], 1e-3) == tb.engine(name, "assisted", timestep=1e-3)
     for step in STEPS:
         made = [json.dumps(configured(name, options, step).settings) for options in sets]
     assert len(set(made)) == len(
@@ -198,12 +198,12 @@ class _Synthetic:
         error = self.constants[name] * self.factor * step**2 + self.floor
         position = Metric(name="position_max", subject="projectile", value=error, unit="m")
         return RunRecord(
-            engine="mujoco", engine_version="0", preset="tuned", settings=settings, given_hash="",
+            engine="mujoco", engine_version="0", preset="assisted", settings=settings, given_hash="",
             metrics=(position,), steps=1, wall_times=(self.cost[name] / step,) * repeats,
         )  # fmt: skip
 
 
-PLAIN, DEAR = (OptionSet(name, "", "tuned", {"integrator": name}) for name in ("Euler", "RK4"))
+PLAIN, DEAR = (OptionSet(name, "", "assisted", {"integrator": name}) for name in ("Euler", "RK4"))
 
 
 def _search(
@@ -337,13 +337,13 @@ def test_the_command_gives_the_same_engine(
 @pytest.mark.needs("mujoco")
 def test_what_mjcf_cannot_say_is_said() -> None:
     sets = {options.name: options for options in option_sets("mujoco")}
-    alone, tuned = (
-        snippets("mujoco", tb.fixed(), "tuned", sets[n].all_options(1e-3))
-        for n in ("stiff limits", "tuned")
+    alone, assisted = (
+        snippets("mujoco", tb.fixed(), "assisted", sets[n].all_options(1e-3))
+        for n in ("stiff limits", "assisted")
     )
     assert MUJOCO_PYTHON not in alone and "Not MJCF" not in alone[MJCF]
-    assert "Not MJCF" in tuned[MJCF] and "def preload" in tuned[MUJOCO_PYTHON]
-    assert re.search(r'solreflimit="-1000000 -2000"', tuned[MJCF])
+    assert "Not MJCF" in assisted[MJCF] and "def preload" in assisted[MUJOCO_PYTHON]
+    assert re.search(r'solreflimit="-1000000 -2000"', assisted[MJCF])
 
 
 # The file

@@ -88,7 +88,7 @@ def test_two_engines_are_compared(tmp_path: Path) -> None:
         "--engines",
         "echo,second",
         "--preset",
-        "tuned",
+        "assisted",
     ]
     assert main([*words, "--until", "1", "--out", str(tmp_path / "out")]) in (0, 1)
     results = Results.from_json((tmp_path / "out" / "results.json").read_bytes())
@@ -105,7 +105,7 @@ def test_orders_are_found_of_what_there_is(command: Command) -> None:
     laws = {f"{study['engine']} {study['preset']}": study["curves"] for study in found["studies"]}
     assert all([curve["quantity"] for curve in curves] == ["position"] for curves in laws.values())
     # Steps are fitted to the end, and so exact powers of two apart to some 1e-3 at most.
-    assert laws["second tuned"][0]["law"]["exponent"] == pytest.approx(2.0, abs=0.01)
+    assert laws["second assisted"][0]["law"]["exponent"] == pytest.approx(2.0, abs=0.01)
     assert set(found["uncertainty"]) == {"position"} and 0 < found["uncertainty"]["position"] < 1e-8
 
 
@@ -113,7 +113,7 @@ def test_budgets_are_of_what_there_is(command: Command) -> None:
     found = command("explain")
     assert found["machines"][0]["launch_time"] is None
     budgets = {f"{budget['engine']} {budget['preset']}": budget for budget in found["budgets"]}
-    second = budgets["second tuned"]
+    second = budgets["second assisted"]
     assert second["message"] is None and [
         quantity["name"] for quantity in second["quantities"]
     ] == [
@@ -122,7 +122,7 @@ def test_budgets_are_of_what_there_is(command: Command) -> None:
     ]
     assert second["quantities"][0]["largest"] > 1e-8
     assert all(
-        each["tuned"]["torque"] is None and each["tuned"]["release"] is None
+        each["assisted"]["torque"] is None and each["assisted"]["release"] is None
         for each in found["comparisons"]
     )
 

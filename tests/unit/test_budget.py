@@ -26,9 +26,9 @@ from trebucheck.comparisons.explain import (
     budget,
     by_kinematics,
     causes_of,
+    compare_presets,
     explain_study,
     orders,
-    stock_against_tuned,
     with_filtered_torques,
 )
 from trebucheck.comparisons.report import html, terminal
@@ -81,7 +81,7 @@ class ClosedForm:
         made = RunRecord(
             engine=engine.name,
             engine_version="0",
-            preset="stock",
+            preset="default",
             settings=settings,
             given_hash="",
             wall_times=(1.0,) * repeats,
@@ -134,9 +134,9 @@ def test_causes_that_add_are_told_apart_and_the_unknown_stays_unexplained() -> N
             + unknown
         )
 
-    found = _budget(error, PymunkEngine.stock())
-    whole = error(PymunkEngine.stock().settings, fixed())
-    bias = PymunkEngine.stock().error_bias / 0.00179701
+    found = _budget(error, PymunkEngine.default())
+    whole = error(PymunkEngine.default().settings, fixed())
+    bias = PymunkEngine.default().error_bias / 0.00179701
     parts = {
         "start and labels": 0.5 * T,
         "error bias": 0.3 * bias * T**2,
@@ -169,19 +169,21 @@ def test_pairwise_interactions_are_shared_as_by_shapley() -> None:
         h, bias, labels = s["timestep"] / 1e-3, s["error_bias"] > 0, not s["leapfrog"]
         return h * (3.0 * bias + 2.0 * labels) + 0.7 * bias * labels + 0.5 * h**2
 
-    found = _budget(lambda s, _: size(s) * T, PymunkEngine.stock())
-    stock = PymunkEngine.stock().settings
+    found = _budget(lambda s, _: size(s) * T, PymunkEngine.default())
+    default = PymunkEngine.default().settings
     removals = {
-        c.name: c.removal.options for c in causes_of(PymunkEngine.stock()) if c.removal is not None
+        c.name: c.removal.options
+        for c in causes_of(PymunkEngine.default())
+        if c.removal is not None
     }
     players = ("time step", "error bias", "start and labels")
     expected = dict.fromkeys(players, 0.0)
     for order in permutations(players):
-        settings = dict(stock)
+        settings = dict(default)
         for player in order:
             before = size(settings)
             settings |= removals[player]
-            expected[player] += (before - size(settings)) / 6 / size(stock)
+            expected[player] += (before - size(settings)) / 6 / size(default)
     shares = _shares(found)
     for player, share in expected.items():
         assert shares[player] == pytest.approx(share, abs=ROUNDING)
@@ -197,7 +199,7 @@ def test_a_removal_that_leaves_a_known_part_is_extrapolated() -> None:
 
     An error of second order is accounted for as a whole.
     """
-    found = _budget(lambda s, _: 1e8 * s["timestep"] ** 2 * T, ExudynEngine.tuned())
+    found = _budget(lambda s, _: 1e8 * s["timestep"] ** 2 * T, ExudynEngine.assisted())
     position = found.quantity("position")
     assert position is not None
     assert _shares(found)["time step"] == pytest.approx(1.0, abs=ROUNDING)
@@ -205,14 +207,14 @@ def test_a_removal_that_leaves_a_known_part_is_extrapolated() -> None:
 
 
 def test_an_error_that_falls_otherwise_than_assumed_stays_partly_unexplained() -> None:
-    found = _budget(lambda s, _: 1e4 * s["timestep"] * T, ExudynEngine.tuned())
+    found = _budget(lambda s, _: 1e4 * s["timestep"] * T, ExudynEngine.assisted())
     position = found.quantity("position")
     assert position is not None
     assert position.explained == pytest.approx(0.8, abs=ROUNDING)  # (1 - 1/4) / (1 - 1/16)
 
 
 def test_softness_is_told_from_the_time_step_although_it_is_scaled_with_it() -> None:
-    """MuJoCo's tuned limits follow the step.
+    """MuJoCo's assisted limits follow the step.
 
     With them written out, a shorter step leaves them as they are.
     """
@@ -221,8 +223,8 @@ def test_softness_is_told_from_the_time_step_although_it_is_scaled_with_it() -> 
         stiffness = 1.0 / s["timestep"] ** 2 if s["solref"] is None else -s["solref"][0]
         return 1e10 * (1.0 - s["solimp"][0]) / stiffness * T + 1e5 * s["timestep"] ** 2 * T**2
 
-    found = _budget(error, MujocoEngine.tuned())
-    e = error(MujocoEngine.tuned().settings, fixed())
+    found = _budget(error, MujocoEngine.assisted())
+    e = error(MujocoEngine.assisted().settings, fixed())
     shares = _shares(found)
     left = 1.0 / 64.0  # of both, at an eighth of the step
     assert shares["constraint softness"] == pytest.approx((1 - left) * T @ e / (e @ e), rel=1e-6)
@@ -242,7 +244,7 @@ def test_roundoff_is_measured_and_taken_off_the_rest_in_quadrature() -> None:
         noise = np.random.default_rng(seed).normal(0.0, 0.3, len(T))
         return 1e6 * s["timestep"] ** 2 * (1 + T) + noise
 
-    found = _budget(error, PymunkEngine.tuned())
+    found = _budget(error, PymunkEngine.assisted())
     position = found.quantity("position")
     assert position is not None and position.explained is not None
     # A thousand samples know their spread to 1/sqrt(2000); five times that.
@@ -281,7 +283,7 @@ def test_a_cause_that_cannot_be_measured_says_so_and_counts_as_unexplained() -> 
     def error(s: Mapping[str, Any], _: Mechanism) -> FloatArray:
         return (3.0 * (s["error_bias"] > 0) + (not s["leapfrog"])) * T
 
-    found = _budget(error, PymunkEngine.stock(), refuses=lambda s: s["error_bias"] == 0.0)
+    found = _budget(error, PymunkEngine.default(), refuses=lambda s: s["error_bias"] == 0.0)
     messages = {cause.name: cause.message for cause in found.causes if cause.message}
     assert messages == {"error bias": "it flew apart"}
     assert "error bias" not in _shares(found)
@@ -291,12 +293,12 @@ def test_a_cause_that_cannot_be_measured_says_so_and_counts_as_unexplained() -> 
 
 
 def test_a_run_that_fails_is_a_budget_without_shares() -> None:
-    found = _budget(lambda _s, _m: T, PymunkEngine.stock(), refuses=lambda _: True)
+    found = _budget(lambda _s, _m: T, PymunkEngine.default(), refuses=lambda _: True)
     assert (found.message, found.quantities) == ("it flew apart", ())
 
 
 def test_no_error_makes_no_share() -> None:
-    found = _budget(lambda _s, _m: 0.0 * T, PymunkEngine.tuned())
+    found = _budget(lambda _s, _m: 0.0 * T, PymunkEngine.assisted())
     assert main_quantities(found) == []
     assert all(share.fraction is None for quantity in found.quantities for share in quantity.shares)
 
@@ -305,7 +307,7 @@ def test_no_error_makes_no_share() -> None:
 
 
 @pytest.mark.parametrize("engine_type", ENGINES, ids=lambda e: e.name)
-@pytest.mark.parametrize("preset", ["stock", "tuned"])
+@pytest.mark.parametrize("preset", ["default", "assisted"])
 def test_every_intervention_is_valid_and_changes_something(
     engine_type: type[BuiltinEngine], preset: str
 ) -> None:
@@ -328,20 +330,22 @@ def test_every_intervention_is_valid_and_changes_something(
 
 @pytest.mark.parametrize("engine_type", ENGINES, ids=lambda e: e.name)
 def test_what_is_taken_out_already_is_no_cause(engine_type: type[BuiltinEngine]) -> None:
-    stock = {cause.name for cause in causes_of(engine_type.stock())}
-    tuned = {cause.name for cause in causes_of(engine_type.tuned())}
-    assert "event location" in stock - tuned
-    assert tuned < stock
+    default = {cause.name for cause in causes_of(engine_type.default())}
+    assisted = {cause.name for cause in causes_of(engine_type.assisted())}
+    assert "event location" in default - assisted
+    assert assisted < default
 
 
 def test_softness_that_is_no_more_than_the_step_allows_is_reduced_with_it() -> None:
-    stock, tuned = (
+    default, assisted = (
         next(c for c in causes_of(engine) if c.name == "constraint softness")
-        for engine in (MujocoEngine.stock(), MujocoEngine.tuned())
+        for engine in (MujocoEngine.default(), MujocoEngine.assisted())
     )
-    assert (stock.after, stock.scaling) == ((), None)
+    assert (default.after, default.scaling) == ((), None)
     assert (
-        tuned.after == ("time step",) and tuned.scaling is not None and tuned.scaling.leaves == 2.0
+        assisted.after == ("time step",)
+        and assisted.scaling is not None
+        and assisted.scaling.leaves == 2.0
     )
 
 
@@ -398,15 +402,15 @@ def test_of_a_plug_in_the_time_step_alone_is_known() -> None:
 
 @pytest.mark.usefixtures("third_party")
 def test_an_engine_that_does_not_tell_its_options_is_completed() -> None:
-    made = engine("plain", "stock", timestep=5e-3)
+    made = engine("plain", "default", timestep=5e-3)
     assert isinstance(made, Engine)
-    assert (made.preset, made.settings, made.timestep) == ("stock", {"timestep": 5e-3}, 5e-3)
+    assert (made.preset, made.settings, made.timestep) == ("default", {"timestep": 5e-3}, 5e-3)
     assert pickle.loads(pickle.dumps(made)) == made
     assert made.simulate(Problem(fixed(), duration=0.1)).t[1] == pytest.approx(5e-3)
     with Worker() as worker:
         trial = EngineRuns(Runner(fixed(), worker)).record(made)
     assert (
-        trial.position == 0.0 and trial.preset == "stock" and trial.settings == {"timestep": 5e-3}
+        trial.position == 0.0 and trial.preset == "default" and trial.settings == {"timestep": 5e-3}
     )
 
 
@@ -455,15 +459,17 @@ def test_by_its_own_kinematics_the_reference_is_where_it_was() -> None:
 
 
 def test_a_reread_engine_is_remembered_as_another_one() -> None:
-    engine = PymunkEngine.tuned()
+    engine = PymunkEngine.assisted()
     reread = Reread(engine, own_kinematics=True, filtered_torques=False)
     assert (
-        reread.name == "pymunk" and reread.preset == "tuned" and reread.timestep == engine.timestep
+        reread.name == "pymunk"
+        and reread.preset == "assisted"
+        and reread.timestep == engine.timestep
     )
     assert reread.settings != engine.settings
 
 
-# stock against tuned
+# default against assisted
 
 
 def test_each_option_is_changed_alone_from_either_end() -> None:
@@ -471,13 +477,13 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
         return (1.0 + 10.0 * (s["error_bias"] > 0)) * (1.0 + 4.0 * (not s["leapfrog"])) * T
 
     study = ClosedForm(error)
-    found = stock_against_tuned(
-        cast("EngineRuns", study), PymunkEngine.stock(), PymunkEngine.tuned()
+    found = compare_presets(
+        cast("EngineRuns", study), PymunkEngine.default(), PymunkEngine.assisted()
     )
     by_option = {change.option: change for change in found.changes}
-    stock, tuned = PymunkEngine.stock().settings, PymunkEngine.tuned().settings
-    assert set(by_option) == {name for name in stock if stock[name] != tuned[name]}
-    assert (found.stock.position, found.tuned.position) == (55.0, 1.0)
+    default, assisted = PymunkEngine.default().settings, PymunkEngine.assisted().settings
+    assert set(by_option) == {name for name in default if default[name] != assisted[name]}
+    assert (found.default.position, found.assisted.position) == (55.0, 1.0)
     assert (by_option["error_bias"].alone.position, by_option["error_bias"].back.position) == (
         5.0,
         11.0,
@@ -487,14 +493,14 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
         5.0,
     )
     for seen in study.seen:
-        differing = [name for name in stock if seen[name] != stock[name]]
+        differing = [name for name in default if seen[name] != default[name]]
         assert len(differing) in (0, 1, len(by_option) - 1, len(by_option))
 
 
 def test_presets_are_compared_at_the_same_step() -> None:
     study = ClosedForm(lambda s, _: s["timestep"] * T)
-    found = stock_against_tuned(
-        cast("EngineRuns", study), ExudynEngine.stock(), ExudynEngine.tuned()
+    found = compare_presets(
+        cast("EngineRuns", study), ExudynEngine.default(), ExudynEngine.assisted()
     )
     assert {s["timestep"] for s in study.seen} == {found.timestep} == {1e-3}
 
@@ -509,7 +515,7 @@ def explanation() -> Explanation:
 
     machine = fixed()
     study = cast("EngineRuns", ClosedForm(error, refuses=lambda s: s["locate_releases"]))
-    broken = _budget(error, PymunkEngine.tuned(), refuses=lambda _: True)
+    broken = _budget(error, PymunkEngine.assisted(), refuses=lambda _: True)
     return Explanation(
         trebucheck_version="0",
         python_version="3",
@@ -522,8 +528,8 @@ def explanation() -> Explanation:
                 launch_time=1.0,
             ),
         ),
-        budgets=(budget(study, PymunkEngine.stock()), broken),
-        comparisons=(stock_against_tuned(study, PymunkEngine.stock(), PymunkEngine.tuned()),),
+        budgets=(budget(study, PymunkEngine.default()), broken),
+        comparisons=(compare_presets(study, PymunkEngine.default(), PymunkEngine.assisted()),),
     )
 
 
@@ -534,7 +540,7 @@ def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Expl
         "start and labels",
         "unexplained",
         "it flew apart",
-        "stock, leapfrog = True",
+        "default, leapfrog = True",
     ):
         assert text in page
     assert "could not be measured" in page and "No budget" in page
@@ -544,9 +550,9 @@ def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Expl
 
 def test_engines_without_an_error_can_be_shown(explanation: Explanation) -> None:
     study = cast("EngineRuns", ClosedForm(lambda _s, _m: 0.0 * T))
-    found = stock_against_tuned(study, PymunkEngine.stock(), PymunkEngine.tuned())
+    found = compare_presets(study, PymunkEngine.default(), PymunkEngine.assisted())
     spotless = explanation.model_copy(
-        update={"budgets": (budget(study, PymunkEngine.stock()),), "comparisons": (found,)}
+        update={"budgets": (budget(study, PymunkEngine.default()),), "comparisons": (found,)}
     )  # fmt: skip
     assert "No error to explain" in html.page(document(spotless))
     console = Console(record=True, file=StringIO())
@@ -559,10 +565,10 @@ def test_the_terminal_shows_the_same(explanation: Explanation) -> None:
     terminal.show(document(explanation), console)
     text = console.export_text()
     for part in (
-        "pymunk stock",
+        "pymunk default",
         "error bias",
         "it flew apart",
-        "leapfrog as tuned",
+        "leapfrog as assisted",
         "or more of every error",
     ):
         assert part in text
@@ -612,9 +618,9 @@ def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(
 ) -> None:
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
     explanation = explain_study(
-        Study([fixed()], engines=["exudyn"], presets=["tuned"], isolate=False)
+        Study([fixed()], engines=["exudyn"], presets=["assisted"], isolate=False)
     )
     (absent,) = explanation.budgets
     assert absent.message is not None and "pip install exudyn" in absent.message
-    assert explanation.comparisons[0].stock.message == absent.message
+    assert explanation.comparisons[0].default.message == absent.message
     assert "pip install exudyn" in html.page(document(explanation))

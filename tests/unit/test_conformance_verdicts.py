@@ -52,7 +52,7 @@ def test_one_metric_without_tolerance_among_others_that_hold_is_no_success() -> 
 
 
 def _verdict(check: str, state: CheckState, **more: Any) -> CheckVerdict:
-    return CheckVerdict(id=f"own/tuned/fixed/{check}", state=state, **more)
+    return CheckVerdict(id=f"own/assisted/fixed/{check}", state=state, **more)
 
 
 POSITION = {"error": 2e-4, "tolerance": 5e-4, "unit": "m", "source": "default: of 3 m"}
@@ -64,11 +64,11 @@ def test_a_row_shows_error_and_tolerance_where_there_are_any_and_why() -> None:
         return [cell.text for cell in row.cells]
 
     found = cells("position", CheckState.KEPT, **POSITION)
-    assert found[:2] == ["own/tuned/fixed/position", "kept"]
+    assert found[:2] == ["own/assisted/fixed/position", "kept"]
     assert [float(text) for text in found[2:4]] == [2e-4, 5e-4]
     assert found[4:] == ["m", "default: of 3 m"]
     assert cells("runs", CheckState.BROKEN, text="it fails") == [
-        "own/tuned/fixed/runs", "broken", "", "", "", "it fails",
+        "own/assisted/fixed/runs", "broken", "", "", "", "it fails",
     ]  # fmt: skip
 
 
@@ -81,10 +81,10 @@ def test_a_row_of_a_problem_counts_what_was_judged_and_shows_the_worst() -> None
     )
     (row,) = _problem_rows(verdicts)
     found = [cell.text for cell in row.cells]
-    assert found == ["own/tuned", "fixed", "2/3", "velocity", "2", "1.50", "broken"]
+    assert found == ["own/assisted", "fixed", "2/3", "velocity", "2", "1.50", "broken"]
     (row,) = _problem_rows(verdicts[3:])
     found = [cell.text for cell in row.cells]
-    assert found == ["own/tuned", "fixed", "", "", "", "", "skipped: no such event"]
+    assert found == ["own/assisted", "fixed", "", "", "", "", "skipped: no such event"]
 
 
 # the preset that is judged
@@ -92,7 +92,11 @@ def test_a_row_of_a_problem_counts_what_was_judged_and_shows_the_worst() -> None
 
 @pytest.mark.parametrize(
     ("presets", "chosen"),
-    [(("stock", "tuned"), "tuned"), (("tuned", "stock"), "tuned"), (("fast", "slow"), "fast")],
+    [
+        (("default", "assisted"), "assisted"),
+        (("assisted", "default"), "assisted"),
+        (("fast", "slow"), "fast"),
+    ],
 )
 def test_the_tuned_preset_is_judged_or_the_first_one(
     presets: tuple[str, ...], chosen: str, monkeypatch: pytest.MonkeyPatch

@@ -212,7 +212,7 @@ def _site(answers: dict[str, float], error: float = 1.0, **others: object) -> Si
     def measure(change: dict[str, object]) -> float | None:
         return error * min((answers[name] for name in change if name in answers), default=1.0)
 
-    settings = tb.engine("mujoco", "stock", timestep=1e-3).model_dump(mode="json")  # type: ignore[attr-defined]
+    settings = tb.engine("mujoco", "default", timestep=1e-3).model_dump(mode="json")  # type: ignore[attr-defined]
     fields = {
         "engine": "mujoco",
         "settings": settings,
@@ -249,7 +249,7 @@ def test_a_floor_of_the_reference_or_of_rounding() -> None:
 
 
 def test_the_studys_own_knob_is_left_alone() -> None:
-    settings = tb.engine("pymunk", "stock").model_dump(mode="json")  # type: ignore[attr-defined]
+    settings = tb.engine("pymunk", "default").model_dump(mode="json")  # type: ignore[attr-defined]
     changed = [
         set(change)
         for _, change in refinements("pymunk", settings, ("iterations",), ConstraintKinds())
@@ -260,7 +260,7 @@ def test_the_studys_own_knob_is_left_alone() -> None:
 
 def test_every_notch_is_an_option_the_engine_takes() -> None:
     for name in ("mujoco", "pymunk", "exudyn"):
-        for preset in ("tuned", "stock"):
+        for preset in ("assisted", "default"):
             settings = tb.engine(name, preset).model_dump(mode="json")  # type: ignore[attr-defined]
             found = list(refinements(name, settings, (), ConstraintKinds()))
             assert len(found) >= 3
@@ -362,10 +362,10 @@ def studies(tmp_path_factory: pytest.TempPathFactory) -> Studies:
 def test_plugins_are_studied_and_failures_are_points(studies: Studies) -> None:
     machine = studies.machines[0]
     assert {study.label for study in machine.studies} == {
-        "echo tuned",
-        "echo stock",
-        "raiser tuned",
-        "raiser stock",
+        "echo assisted",
+        "echo default",
+        "raiser assisted",
+        "raiser default",
     }
     for study in machine.studies:
         messages = {point.message for point in study.points}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Deviation
 
-IDS = ("mujoco/tuned/fixed/angle", "mujoco/tuned/fixed/position")
+IDS = ("mujoco/assisted/fixed/angle", "mujoco/assisted/fixed/position")
 
 
 def _row(id: str, states: Sequence[CheckState], labels: Sequence[str]) -> CheckState:
@@ -19,13 +19,13 @@ def _row(id: str, states: Sequence[CheckState], labels: Sequence[str]) -> CheckS
 @pytest.mark.parametrize(
     ("id", "states", "labels", "expected"),
     [
-        (IDS[0], [CheckState.DEVIATES], ["mujoco/tuned"], CheckState.KEPT),
-        ("mujoco/*/angle", [CheckState.DEVIATES], ["mujoco/tuned"], CheckState.KEPT),
-        ("*/fixed/*", [CheckState.KEPT, CheckState.DEVIATES], ["mujoco/tuned"], CheckState.KEPT),
-        (IDS[0], [CheckState.KEPT], ["mujoco/tuned"], CheckState.BROKEN),
-        (IDS[1], [CheckState.DEVIATES], ["mujoco/tuned"], CheckState.SKIPPED),
-        (IDS[0] + "s", [CheckState.DEVIATES], ["mujoco/tuned"], CheckState.BROKEN),
-        ("pymunk/tuned/fixed/angle", [CheckState.KEPT], ["mujoco/tuned"], CheckState.SKIPPED),
+        (IDS[0], [CheckState.DEVIATES], ["mujoco/assisted"], CheckState.KEPT),
+        ("mujoco/*/angle", [CheckState.DEVIATES], ["mujoco/assisted"], CheckState.KEPT),
+        ("*/fixed/*", [CheckState.KEPT, CheckState.DEVIATES], ["mujoco/assisted"], CheckState.KEPT),
+        (IDS[0], [CheckState.KEPT], ["mujoco/assisted"], CheckState.BROKEN),
+        (IDS[1], [CheckState.DEVIATES], ["mujoco/assisted"], CheckState.SKIPPED),
+        (IDS[0] + "s", [CheckState.DEVIATES], ["mujoco/assisted"], CheckState.BROKEN),
+        ("pymunk/assisted/fixed/angle", [CheckState.KEPT], ["mujoco/assisted"], CheckState.SKIPPED),
     ],
 )
 def test_the_state_of_a_row(

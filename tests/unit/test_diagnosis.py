@@ -178,7 +178,7 @@ def test_a_diagnosis_reads_as_a_sentence() -> None:
     run = Run(
         model="m",
         engine="e",
-        preset="tuned",
+        preset="assisted",
         outcome=Outcome.DISAGREES,
         engine_version="1",
         diagnosis=found,
@@ -199,7 +199,7 @@ def test_a_gate_that_fails_ends_the_run_and_not_the_report(monkeypatch: pytest.M
     monkeypatch.setattr(
         registry, "engine", lambda *a, **o: Faulty(make(*a, **o), machine=parameters(g=9.8))
     )
-    results = tb.compare(["fixed"], ["reference"], ["tuned"], isolate=False).results
+    results = tb.compare(["fixed"], ["reference"], ["assisted"], isolate=False).results
     (run,) = results.runs
     assert run.outcome is Outcome.NOT_EQUIVALENT and not results.passed
     assert not run.metrics and run.message and "before any motion" in run.message

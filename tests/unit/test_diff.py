@@ -52,7 +52,7 @@ def results() -> Results:
 
 
 def _changed(
-    results: Results, change: Change, engine: str = "pymunk", preset: str = "tuned"
+    results: Results, change: Change, engine: str = "pymunk", preset: str = "assisted"
 ) -> Results:
     runs = [
         change(run) if (run.engine, run.preset) == (engine, preset) else run for run in results.runs
@@ -75,7 +75,7 @@ def _one(changes: tuple[QuantityChange, ...]) -> QuantityChange:
 
 
 def _metric(results: Results, name: str, engine: str = "pymunk") -> Metric:
-    run = next(run for run in results.runs if run.engine == engine and run.preset == "tuned")
+    run = next(run for run in results.runs if run.engine == engine and run.preset == "assisted")
     return next(metric for metric in run.metrics if metric.name == name)
 
 
@@ -106,7 +106,7 @@ def test_a_verdict_that_breaks_is_found_and_explained(results: Results) -> None:
     assert [change.either.name for change in found.broken] == ["energy_balance", "position_max"]
     assert found.broken[1].distance == pytest.approx(3) and found.worse
     assert [(each.run.label, each.fate) for each in found.runs if each.fate is not Fate.SAME] == [
-        ("pymunk tuned", Fate.WORSE)
+        ("pymunk assisted", Fate.WORSE)
     ]
     text = _shown(found)
     assert (
@@ -218,13 +218,14 @@ def test_versions_and_settings_that_changed_are_named(results: Results) -> None:
         ),
     ).model_copy(update={"python_version": "4.0"})
     found = diff(
-        results, new.model_copy(update={"runs": tuple(r for r in new.runs if r.preset == "tuned")})
+        results,
+        new.model_copy(update={"runs": tuple(r for r in new.runs if r.preset == "assisted")}),
     )
     assert (
         found.versions["Python"] == (results.python_version, "4.0")
         and found.versions["pymunk"][1] == "99.1"
     )
-    assert "extra none → True: pendulum, pymunk tuned." in _shown(found)
+    assert "extra none → True: pendulum, pymunk assisted." in _shown(found)
 
 
 @pytest.mark.parametrize(("share", "moved"), [(0.9, False), (1.2, True)])
@@ -242,7 +243,7 @@ def test_less_than_what_is_unknown_is_no_movement(
 
 def _check_unknown(results: Results, name: str, share: float, moved: bool) -> None:
     metric, machine = _metric(results, name), results.machines[0]
-    run = next(run for run in results.runs if run.engine == "pymunk" and run.preset == "tuned")
+    run = next(run for run in results.runs if run.engine == "pymunk" and run.preset == "assisted")
     scale = {"position_max": machine.scales.length, "velocity_max": machine.scales.speed}
     rounding = 2.0**-52 * math.sqrt(run.steps) * max(1.0, machine.stretching)
     rounding *= scale.get(name, machine.scales.largest_energy)
@@ -383,7 +384,7 @@ def test_half_the_step_is_a_quarter_of_a_second_order_error() -> None:
         tb.compare(
             ["pendulum"],
             ["pymunk"],
-            ["tuned"],
+            ["assisted"],
             until=0.5,
             timestep=step,
             isolate=False,
@@ -394,7 +395,7 @@ def test_half_the_step_is_a_quarter_of_a_second_order_error() -> None:
     found = diff(old, new)
     factors = {change.either.name: change.factor for change in found.moved}
     assert found.passed and factors["position_max"] == pytest.approx(0.25, rel=0.1)
-    assert "timestep 2e-3 → 1e-3: pendulum, pymunk tuned." in _shown(found)
+    assert "timestep 2e-3 → 1e-3: pendulum, pymunk assisted." in _shown(found)
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.5, -2.0, math.nan, math.inf])
@@ -505,7 +506,7 @@ def _no_outcome(data: dict[str, Any]) -> Any:
         (lambda _: {"a": 1}, "no format"),
         (
             _twice,
-            "pendulum, reference, tuned is there twice|pendulum, pymunk, tuned is there twice",
+            "pendulum, reference, assisted is there twice|pendulum, pymunk, assisted is there twice",
         ),
         (lambda data: {**data, "machines": []}, "'pendulum', which is not among the machines"),
         (_no_outcome, r"runs.0.outcome = 'splendid'"),

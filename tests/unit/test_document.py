@@ -52,8 +52,8 @@ def _terminal(*blocks: object, width: int = 80) -> str:
 ERRORS = table(
     "engine | position [m] | (steps) | note",
     [
-        ("mujoco tuned", Cell("1.3e-8", "good"), 1000, "as ever"),
-        ("pymunk tuned", Cell("2.5e-4", "bad"), 1000, ""),
+        ("mujoco assisted", Cell("1.3e-8", "good"), 1000, "as ever"),
+        ("pymunk assisted", Cell("2.5e-4", "bad"), 1000, ""),
     ],
     "Errors",
 )
@@ -101,7 +101,7 @@ def test_tables_have_captions_scopes_and_units() -> None:
     page = _page(ERRORS)
     assert "<caption>Errors</caption>" in page
     assert '<th scope="col" class="right">position [m]</th>' in page
-    assert '<th scope="row" class="left">mujoco tuned</th>' in page
+    assert '<th scope="row" class="left">mujoco assisted</th>' in page
 
 
 @pytest.mark.parametrize("text", ["<b>", "a & b", '"><script>', "{{ 1 }}"])

@@ -19,7 +19,7 @@ from trebucheck.models.trajectory import load
 @pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
 def test_every_option_has_defaults_meaning_and_values(name: str) -> None:
     table = option_table(name)
-    for preset in ("stock", "tuned"):
+    for preset in ("default", "assisted"):
         assert {row.name: row.defaults[preset] for row in table} == tb.engine(name, preset).settings
     assert all(row.meaning and row.values for row in table)
 
@@ -51,7 +51,7 @@ def test_values_are_those_of_the_field(engine: str, option: str, values: str) ->
 def test_a_default_as_it_is_shown_is_taken_on_the_command_line(name: str, tmp_path: Path) -> None:
     from trebucheck.cli.options import engine_options
 
-    for preset in ("stock", "tuned"):
+    for preset in ("default", "assisted"):
         texts = [
             f"{name}.{row.name}={default_text(row.defaults[preset])}" for row in option_table(name)
         ]
@@ -67,7 +67,7 @@ def test_a_plug_in_s_options_are_listed(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.syspath_prepend(str(tmp_path))
     assert "second" in engine_names()
     (row,) = option_table("second")
-    assert row == OptionRow("timestep", {"tuned": 1e-3, "stock": 1e-3}, "number", "")
+    assert row == OptionRow("timestep", {"assisted": 1e-3, "default": 1e-3}, "number", "")
 
 
 def test_an_option_of_one_engine_is_no_other_s() -> None:
@@ -75,7 +75,7 @@ def test_an_option_of_one_engine_is_no_other_s() -> None:
         engines=["mujoco", "pymunk", "exudyn"],
         options={"mujoco.timestep": 2e-3, "locate_releases": False, "hold_lengths": False},
     )
-    made = {name: study.engine(name, "tuned").settings for name in study.every_engine}
+    made = {name: study.engine(name, "assisted").settings for name in study.every_engine}
     assert made["mujoco"]["timestep"] == 2e-3 and made["pymunk"]["timestep"] == 1e-3
     assert made["mujoco"]["locate_releases"] is made["pymunk"]["locate_releases"] is False
     assert made["pymunk"]["hold_lengths"] is False
@@ -88,14 +88,14 @@ def test_an_option_s_old_name_is_still_read_and_means_the_same() -> None:
     assert tb.engine("exudyn", located_releases=False) == new
     for option in ("located_releases", "exudyn.located_releases"):
         study = Study(engines=["exudyn"], options={option: False})
-        assert study.engine("exudyn", "tuned").settings == new.settings
+        assert study.engine("exudyn", "assisted").settings == new.settings
     with pytest.raises(tb.InputError, match="located_releases"):
         tb.engine("exudyn", located_releases=False, locate_releases=True)
 
 
 def test_an_engine_s_own_value_goes_before_that_of_all() -> None:
     study = Study(engines=["mujoco", "pymunk"], options={"mujoco.timestep": 2e-3, "timestep": 5e-4})
-    assert [study.engine(name, "tuned").timestep for name in study.every_engine] == [2e-3, 5e-4]
+    assert [study.engine(name, "assisted").timestep for name in study.every_engine] == [2e-3, 5e-4]
 
 
 COMPARE = ["compare", "--engines", "mujoco,pymunk"]
@@ -116,7 +116,7 @@ COMPARE = ["compare", "--engines", "mujoco,pymunk"]
         ),
         ([*COMPARE, "--option", "mujoco.solref=1"], "solref = 1: "),
         ([*COMPARE, "--option", "mujoco.integrator=RK5"], "'RK4', 'Euler'"),
-        ([*COMPARE, "--option", "mujoco.preset=stock"], "preset = 'stock' is no option"),
+        ([*COMPARE, "--option", "mujoco.preset=default"], "preset = 'default' is no option"),
         ([*COMPARE, "--option", "duration=1"], "duration is not a field"),
         ([*COMPARE, "--option", "mujoco.solref"], "NAME=VALUE"),
         ([*COMPARE, "--timestep", "1e-3", "--option", "timestep=1e-3"], "leave out one of them"),
@@ -162,7 +162,7 @@ def test_options_of_a_comparison_are_in_its_results(tmp_path: Path) -> None:
         "--engines",
         "reference,mujoco",
         "--preset",
-        "tuned",
+        "assisted",
     ]
     main(
         [

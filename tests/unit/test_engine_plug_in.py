@@ -69,7 +69,7 @@ def _installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 def test_it_is_compared_by_its_own_tolerances() -> None:
     assert engine_class(COPY).__module__ == f"{PACKAGE}.engine"  # type: ignore[attr-defined]
     results = tb.compare(
-        ["fixed"], ["pymunk", COPY], ["tuned"], isolate=False, diagnose=False, timestep=2e-3
+        ["fixed"], ["pymunk", COPY], ["assisted"], isolate=False, diagnose=False, timestep=2e-3
     ).results
     original, copy = results.runs
     assert copy.engine == COPY and copy.equality == original.equality
@@ -86,9 +86,10 @@ def test_it_is_compared_by_its_own_tolerances() -> None:
 
 
 def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> None:
-    stock = tb.engine(COPY, "stock")
+    default = tb.engine(COPY, "default")
     assert (
-        causes_of(stock) == causes_of(tb.engine("pymunk", "stock")) and len(causes_of(stock)) == 7
+        causes_of(default) == causes_of(tb.engine("pymunk", "default"))
+        and len(causes_of(default)) == 7
     )
     swept, there = swept_parameters(COPY), swept_parameters("pymunk")
     assert [(each.name, each.values, each.expected) for each in swept] == [
@@ -100,19 +101,19 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
         <= set(parameter_names())
     )
     found = [
-        each.description for each, _ in refinements(COPY, stock.settings, (), ConstraintKinds())
+        each.description for each, _ in refinements(COPY, default.settings, (), ConstraintKinds())
     ]
     assert "ten times the pivot mass" in found
     sets = option_sets(COPY)
     assert [each.name for each in sets] == [
-        "stock",
+        "default",
         "leapfrog",
         "converged leapfrog",
         "held lengths",
-        "tuned",
+        "assisted",
     ]
     texts, originals = (
-        snippets(name, tb.fixed(), "tuned", {"timestep": 1e-3}) for name in (COPY, "pymunk")
+        snippets(name, tb.fixed(), "assisted", {"timestep": 1e-3}) for name in (COPY, "pymunk")
     )
     assert texts["pymunk in Python"] == originals["pymunk in Python"]
     assert f"--engine {COPY} " in texts["trebucheck on the command line"]

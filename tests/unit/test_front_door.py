@@ -105,8 +105,8 @@ def _run_of(comparison: Any) -> tuple[str, str, str, str]:
 def test_a_model_is_taken_however_it_is_given(kind: str, tmp_path: Path) -> None:
     (tmp_path / "pendulum.json").write_text(tb.model("pendulum").to_json())
     given = MODELS[kind](tmp_path)
-    expected = ("mujoco", "tuned", "agrees", tb.model("pendulum").content_hash)
-    assert _run_of(tb.compare(given, "mujoco", "tuned", **SHORT)) == expected
+    expected = ("mujoco", "assisted", "agrees", tb.model("pendulum").content_hash)
+    assert _run_of(tb.compare(given, "mujoco", "assisted", **SHORT)) == expected
     if kind != "list":
         assert tb.model(given) == tb.model("pendulum")
         assert tb.mjcf_names(given) == tb.mjcf_names("pendulum")
@@ -117,8 +117,8 @@ def test_a_model_is_taken_however_it_is_given(kind: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("kind", ENGINES)
 def test_an_engine_is_taken_however_it_is_given(kind: str) -> None:
-    found = tb.compare("pendulum", ENGINES[kind], presets="tuned", **SHORT)
-    assert _run_of(found)[:3] == ("mujoco", "tuned", "agrees")
+    found = tb.compare("pendulum", ENGINES[kind], presets="assisted", **SHORT)
+    assert _run_of(found)[:3] == ("mujoco", "assisted", "agrees")
 
 
 @pytest.mark.parametrize(
@@ -139,16 +139,16 @@ def test_an_engine_is_taken_however_it_is_given(kind: str) -> None:
 def test_options_are_given_the_same_way_everywhere(
     how: dict[str, Any], settings: dict[str, Any]
 ) -> None:
-    (run,) = tb.compare("pendulum", presets="tuned", **how, **SHORT).results.runs
+    (run,) = tb.compare("pendulum", presets="assisted", **how, **SHORT).results.runs
     assert settings.items() <= run.settings.items()
-    study = Study.of("pendulum", presets="tuned", **how)
-    assert settings.items() <= study.engine("pymunk", "tuned").settings.items()
+    study = Study.of("pendulum", presets="assisted", **how)
+    assert settings.items() <= study.engine("pymunk", "assisted").settings.items()
 
 
 def test_an_engine_given_as_an_object_brings_its_preset() -> None:
-    study = Study.of("fixed", [tb.engine("mujoco", "stock"), tb.engine("pymunk", "stock")])
-    assert (study.engines, study.presets) == (("mujoco", "pymunk"), ("stock",))
-    assert Study.of("fixed", "mujoco").presets == ("tuned", "stock")
+    study = Study.of("fixed", [tb.engine("mujoco", "default"), tb.engine("pymunk", "default")])
+    assert (study.engines, study.presets) == (("mujoco", "pymunk"), ("default",))
+    assert Study.of("fixed", "mujoco").presets == ("assisted", "default")
 
 
 def test_throws_and_certificates_take_names() -> None:
@@ -161,7 +161,7 @@ def test_throws_and_certificates_take_names() -> None:
     [
         (lambda: tb.compare("p"), "there is no model 'p'"),
         (lambda: tb.compare("fixed", "m"), "no engine 'm'.*; there are: reference, mujoco"),
-        (lambda: tb.compare("fixed", "mujoco", "t"), "no preset 't'; there are: stock, tuned"),
+        (lambda: tb.compare("fixed", "mujoco", "t"), "no preset 't'; there are: default, assisted"),
         (lambda: tb.throw("f"), "there is no model 'f'.*; there are: fixed, rolling"),
         (lambda: tb.mjcf_names("f"), "there is no model 'f'.*; there are: fixed, rolling"),
         (lambda: tb.certify("f"), "there is no model 'f'.*; there are: fixed, rolling"),
@@ -175,8 +175,8 @@ def test_throws_and_certificates_take_names() -> None:
         (lambda: tb.explain("fixed", "mujoco", "t"), "no preset 't'; there are: "),
         (lambda: tb.converge("fixed", "mujoco", knobs="k"), "'k'"),
         (
-            lambda: tb.compare("fixed", tb.engine("mujoco"), "stock"),
-            "presets = stock, but the engines given have tuned",
+            lambda: tb.compare("fixed", tb.engine("mujoco"), "default"),
+            "presets = default, but the engines given have assisted",
         ),
         (
             lambda: tb.explain("fixed", timestep=1e-3, options={"timestep": 2e-3}),
@@ -209,11 +209,11 @@ def test_unknown_names_are_attribute_errors() -> None:
 @pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
 def test_built_in_engines_are_known(name: str) -> None:
     status = tb.engines()[name]
-    assert status.presets == ("stock", "tuned")
+    assert status.presets == ("default", "assisted")
     assert status.capabilities.formulation
 
 
-@pytest.mark.parametrize("preset", ["stock", "tuned"])
+@pytest.mark.parametrize("preset", ["default", "assisted"])
 @pytest.mark.parametrize("name", ["reference", "mujoco", "pymunk", "exudyn"])
 @pytest.mark.parametrize("value", [0.0, -1e-3, float("nan"), float("inf"), "fast", 2.0])
 def test_a_step_is_positive_finite_and_below_a_second(
@@ -226,7 +226,7 @@ def test_a_step_is_positive_finite_and_below_a_second(
 def test_unknown_engines_presets_and_options_are_named() -> None:
     with pytest.raises(tb.InputError, match=r"no engine 'mujoko' \(did you mean 'mujoco'\?\)"):
         tb.engine("mujoko")
-    with pytest.raises(tb.InputError, match="no preset 'best'; there are: stock, tuned"):
+    with pytest.raises(tb.InputError, match="no preset 'best'; there are: default, assisted"):
         tb.engine("reference", "best")
     with pytest.raises(tb.InputError, match="colour is not a field it has"):
         tb.engine("reference", colour="red")

@@ -42,7 +42,7 @@ def _compare(**changes: object) -> Comparison:
     options = {
         "models": ["fixed"],
         "engines": ["reference"],
-        "presets": ["tuned"],
+        "presets": ["assisted"],
         "isolate": False,
     }
     return tb.compare(**{**options, **changes})  # type: ignore[arg-type]
@@ -144,7 +144,7 @@ def _tolerance(timestep: float, name: str = "position_max", **machine: object) -
     run = Run(
         model="fixed",
         engine="pymunk",
-        preset="tuned",
+        preset="assisted",
         outcome=Outcome.AGREES,
         engine_version="1",
         settings={"timestep": timestep},
@@ -210,7 +210,7 @@ def test_beyond_the_predictability_horizon_only_invariants_are_judged() -> None:
     (machine,), (run,) = far.results.machines, far.results.runs
     assert machine.judged_to < machine.compared_to == 8.0
     assert machine.stretching <= LIMIT < stretching_at(far.solutions["rolling"], 8.0)
-    cut = replace_after(far.trajectories["rolling", "reference tuned"], machine.judged_to)
+    cut = replace_after(far.trajectories["rolling", "reference assisted"], machine.judged_to)
     changed = {
         m.label for m in measured(far, cut) if m.value != run.metric(m.name, m.subject).value
     }  # type: ignore[union-attr]
@@ -293,7 +293,7 @@ def test_several_runs_at_once_give_the_same_results(tmp_path: Path) -> None:
     their order.
     """
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
-    study = Study(["fixed"], ["crasher", "reference", "echo"], ["tuned"], until=0.3, store=store)
+    study = Study(["fixed"], ["crasher", "reference", "echo"], ["assisted"], until=0.3, store=store)
     one_at_a_time = compare_study(study).results
     resumed = compare_study(replace(study, jobs=2, store=replace(store, resume=True)))
     assert _without_times(resumed.results) == _without_times(one_at_a_time)
@@ -397,10 +397,10 @@ def test_wrong_names_cost_no_waiting() -> None:
 
 def test_progress_is_told() -> None:
     told: list[tuple[RunKey, int, int]] = []
-    _compare(presets=["tuned", "stock"], progress=lambda *row: told.append(row))
+    _compare(presets=["assisted", "default"], progress=lambda *row: told.append(row))
     assert [(case.label, done, of) for case, done, of in told] == [
-        ("reference tuned", 0, 2),
-        ("reference stock", 1, 2),
+        ("reference assisted", 0, 2),
+        ("reference default", 1, 2),
     ]
 
 
@@ -414,10 +414,10 @@ def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
             raise Stopped
 
     with pytest.raises(Stopped):
-        _compare(presets=["tuned", "stock"], store=Store(tmp_path), progress=stop_at_second)
-    kept = tmp_path / "fixed-reference-tuned.nc"
+        _compare(presets=["assisted", "default"], store=Store(tmp_path), progress=stop_at_second)
+    kept = tmp_path / "fixed-reference-assisted.nc"
     before = kept.stat().st_mtime_ns
-    comparison = _compare(presets=["tuned", "stock"], store=Store(tmp_path, resume=True))
+    comparison = _compare(presets=["assisted", "default"], store=Store(tmp_path, resume=True))
     assert len(comparison.results.runs) == 2
     assert kept.stat().st_mtime_ns == before
     _compare(store=Store(tmp_path, resume=True), timestep=2e-3)  # another setting: made anew
@@ -425,9 +425,9 @@ def test_an_interrupted_comparison_goes_on(tmp_path: Path) -> None:
 
 
 def test_a_broken_kept_file_is_made_anew(tmp_path: Path) -> None:
-    (tmp_path / "fixed-reference-tuned.nc").write_bytes(b"not NetCDF")
+    (tmp_path / "fixed-reference-assisted.nc").write_bytes(b"not NetCDF")
     assert _compare(store=Store(tmp_path, resume=True)).passed
-    assert load(tmp_path / "fixed-reference-tuned.nc").mechanism == tb.fixed()
+    assert load(tmp_path / "fixed-reference-assisted.nc").mechanism == tb.fixed()
 
 
 def test_runs_of_another_version_of_the_engine_are_made_anew(
@@ -436,13 +436,14 @@ def test_runs_of_another_version_of_the_engine_are_made_anew(
     from trebucheck.engines.registry import engine_class
 
     _compare(store=Store(tmp_path))
-    kept = tmp_path / "fixed-reference-tuned.nc"
+    kept = tmp_path / "fixed-reference-assisted.nc"
     before = kept.stat().st_mtime_ns
     monkeypatch.setattr(engine_class("reference"), "version", classmethod(lambda cls: "another"))
     comparison = _compare(store=Store(tmp_path, resume=True))
     assert kept.stat().st_mtime_ns != before
     assert (
-        comparison.trajectories["fixed", "reference tuned"].provenance.engine_version == "another"
+        comparison.trajectories["fixed", "reference assisted"].provenance.engine_version
+        == "another"
     )
 
 
@@ -452,19 +453,19 @@ def test_a_finished_comparison_is_not_measured_again(
     from trebucheck.comparisons.runs import runner
 
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
-    presets = ["tuned", "stock"]
+    presets = ["assisted", "default"]
     first = _compare(presets=presets, store=store)
     assert not first.repeated
     monkeypatch.setattr(runner, "measure", None)
     again = _compare(presets=presets, store=replace(store, resume=True))
     assert again.repeated and again.results == first.results
-    key = "fixed", "reference stock"
+    key = "fixed", "reference default"
     assert np.array_equal(again.trajectories[key].q, first.trajectories[key].q)
     assert again.solutions["fixed"].release_times == first.solutions["fixed"].release_times
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["runs/fixed.json", "runs/fixed-reference-tuned.json"])
+@pytest.mark.parametrize("name", ["runs/fixed.json", "runs/fixed-reference-assisted.json"])
 @pytest.mark.parametrize("content", ["not JSON", '{"conditions": "of another"}', None])
 def test_a_broken_or_foreign_record_is_made_anew(
     name: str, content: str | None, tmp_path: Path
@@ -483,7 +484,7 @@ def test_a_record_is_of_one_trajectory_and_of_one_end(tmp_path: Path) -> None:
     store = Store(tmp_path / "trajectories", records=tmp_path / "runs")
     _compare(store=store)
     resumed = replace(store, resume=True)
-    (tmp_path / "trajectories" / "fixed-reference-tuned.nc").write_bytes(b"not NetCDF")
+    (tmp_path / "trajectories" / "fixed-reference-assisted.nc").write_bytes(b"not NetCDF")
     assert not _compare(store=resumed).repeated
     assert _compare(store=resumed).repeated
     assert not _compare(store=resumed, duration=1.0).repeated
@@ -582,7 +583,7 @@ def test_the_reference_is_evaluated_once_a_grid_for_metrics_and_pairs(
         return evaluate(self, t, *rest)
 
     monkeypatch.setattr(Solution, "trajectory", counted)
-    comparison = _compare(presets=["tuned", "stock"])
+    comparison = _compare(presets=["assisted", "default"])
     assert len(comparison.results.pairs) == 1
     # The reference as an engine has solutions of its own.
     grids = [grid for solution, grid in evaluated if solution is comparison.solutions["fixed"]]

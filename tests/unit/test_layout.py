@@ -42,7 +42,7 @@ def _lines(document: Document, width: int) -> list[str]:
 @cache
 def _comparison() -> Comparison:
     """Of one run, repeated with every verdict and for engines with longer names."""
-    found = tb.compare(["fixed"], ["reference"], ["tuned"], timestep=5e-3, isolate=False)
+    found = tb.compare(["fixed"], ["reference"], ["assisted"], timestep=5e-3, isolate=False)
     (run,) = found.results.runs
     runs = [
         run.model_copy(update={"engine": name, "outcome": outcome})

@@ -67,7 +67,7 @@ def _run(
     )
     given = {
         "problem": "swing",
-        "preset": "tuned",
+        "preset": "assisted",
         "engine_version": "1",
         "scheme": RK4,
         "order": 4.0,
@@ -100,14 +100,18 @@ def test_engines_of_one_scheme_stand_together_and_those_that_state_none_come_las
         _run("d", 1.0, scheme=""),
     )
     matrix = _matrix(*runs)
-    assert matrix.schemes() == {RK4: ["a tuned", "c tuned"], EULER: ["b tuned"], "": ["d tuned"]}
+    assert matrix.schemes() == {
+        RK4: ["a assisted", "c assisted"],
+        EULER: ["b assisted"],
+        "": ["d assisted"],
+    }
     lines = [line.split(" | ")[0].strip("| *") for line in _text(matrix).splitlines()]
     heads = [
         line
         for line in lines
-        if line in (RK4, EULER, "scheme not stated", "a tuned", "b tuned", "c tuned")
+        if line in (RK4, EULER, "scheme not stated", "a assisted", "b assisted", "c assisted")
     ]
-    assert heads[:6] == [RK4, "a tuned", "c tuned", EULER, "b tuned", "scheme not stated"]
+    assert heads[:6] == [RK4, "a assisted", "c assisted", EULER, "b assisted", "scheme not stated"]
 
 
 @pytest.mark.parametrize(
@@ -123,7 +127,7 @@ def test_a_cell_has_the_sign_of_its_verdict_and_its_error(
 ) -> None:
     matrix = _matrix(_run("a", 1.5e-7, holds, outcome=outcome))
     verdict, quantity = (
-        line for line in _text(matrix).splitlines() if line.startswith("| a tuned |")
+        line for line in _text(matrix).splitlines() if line.startswith("| a assisted |")
     )
     assert verdict.endswith(f"| {sign}1.5e-7 |") and quantity.endswith(f"| {sign}1.5e-7 |")
 
@@ -151,20 +155,25 @@ def test_what_did_not_run_is_said_in_its_own_words_and_is_never_green() -> None:
         "gone": "! not installed",
     }
     for engine, cell in said.items():
-        assert f"| {cell} |" in _line(text, f"{engine} tuned") and "✓" not in _line(
-            text, f"{engine} tuned"
+        assert f"| {cell} |" in _line(text, f"{engine} assisted") and "✓" not in _line(
+            text, f"{engine} assisted"
         )
-    assert "not run" in _line(text, "mover tuned") and _REFUSAL in _line(text, "welder")
+    assert "not run" in _line(text, "mover assisted") and _REFUSAL in _line(text, "welder")
     assert "it fell over." in text and "total mass off by 1." in text
 
 
 def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None:
     order = MeasuredOrder(
-        engine="a", preset="tuned", problem="swing", exponent=3.98, half_width=0.03
+        engine="a", preset="assisted", problem="swing", exponent=3.98, half_width=0.03
     )
-    flat = MeasuredOrder(engine="d", preset="tuned", problem="swing", exponent=None)
+    flat = MeasuredOrder(engine="d", preset="assisted", problem="swing", exponent=None)
     soft = MeasuredOrder(
-        engine="e", preset="tuned", problem="swing", exponent=None, floor=3e-4, floor_cause="stops"
+        engine="e",
+        preset="assisted",
+        problem="swing",
+        exponent=None,
+        floor=3e-4,
+        floor_cause="stops",
     )
     runs = (
         _run("a", 1e-9),
@@ -174,10 +183,12 @@ def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None
         _run("e", 1e-9),
     )
     text = _text(_matrix(*runs, orders=(order, flat, soft)))
-    assert "| none: floor 3.0e-4 m (swing) |" in _line(text, "e tuned")
-    assert "| none (swing) |" in _line(text, "d tuned")
-    assert "3.980 ± 0.030 (swing)" in _line(text, "a tuned")
-    assert "4 (declared)" in _line(text, "b tuned") and "none (declared)" in _line(text, "c tuned")
+    assert "| none: floor 3.0e-4 m (swing) |" in _line(text, "e assisted")
+    assert "| none (swing) |" in _line(text, "d assisted")
+    assert "3.980 ± 0.030 (swing)" in _line(text, "a assisted")
+    assert "4 (declared)" in _line(text, "b assisted") and "none (declared)" in _line(
+        text, "c assisted"
+    )
 
 
 def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_equal_steps() -> (
@@ -185,17 +196,17 @@ def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_
 ):
     runs = (
         _run("a", 1e-9), _run("b", 3e-9), _run("c", 1e-4, scheme=EULER), _run("d", 1e-13),
-        _run("a", 9e-9, preset="stock"), _run("e", 1.0, timestep=2e-3),
+        _run("a", 9e-9, preset="default"), _run("e", 1.0, timestep=2e-3),
     )  # fmt: skip
     (found,) = spreads(_matrix(*runs))
     assert (found.scheme, found.constrained, found.engines) == (RK4, False, ("a", "b", "d", "e"))
-    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a stock 3, d-a stock 9e3; c against each
+    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against each
     # of the four
     assert sorted(each.value for each in found.within) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
     assert sorted(each.value for each in found.between) == pytest.approx(
         [1e-4 / 9e-9, 1e-4 / 3e-9, 1e5, 1e8]
     )
-    assert "9e+03 at most (d tuned and a stock on swing; 5 pairs, median 1e+03)" in _text(
+    assert "9e+03 at most (d assisted and a default on swing; 5 pairs, median 1e+03)" in _text(
         _matrix(*runs)
     )
 
@@ -211,7 +222,7 @@ def test_agreement_is_counted_by_what_of_the_run_is_the_engines_own() -> None:
             for each in problems
         ),
         _run("d", 1e-9),
-        _run("a", 1.0, False, preset="stock", outcome=Outcome.DISAGREES, supplied={}),
+        _run("a", 1.0, False, preset="default", outcome=Outcome.DISAGREES, supplied={}),
     )
     text = _text(_matrix(*runs, problems=problems))
     assert (
@@ -223,14 +234,18 @@ def test_agreement_is_counted_by_what_of_the_run_is_the_engines_own() -> None:
         for where, line in _leading(text)
     }
     assert (
-        own["Without stops and loops", "b tuned"] == "all"
-        and own["With stops", "b tuned"] == "steps"
+        own["Without stops and loops", "b assisted"] == "all"
+        and own["With stops", "b assisted"] == "steps"
     )
-    assert own["With stops", "c tuned"] == own["Without stops and loops", "c tuned"] == "dynamics"
-    assert own["Without stops and loops", "d tuned"] == "not stated"
     assert (
-        "| a stock | nothing |" in text
-        and "| b tuned | stop forces; when stops open and are met |" in text
+        own["With stops", "c assisted"]
+        == own["Without stops and loops", "c assisted"]
+        == "dynamics"
+    )
+    assert own["Without stops and loops", "d assisted"] == "not stated"
+    assert (
+        "| a default | nothing |" in text
+        and "| b assisted | stop forces; when stops open and are met |" in text
     )
 
 
@@ -239,7 +254,7 @@ def _leading(text: str) -> Iterator[tuple[str, str]]:
     title = ""
     for line in text.partition("## What is the engine's own")[0].splitlines():
         title = line.strip("*") if line.startswith("**") else title
-        if re.match(r"\| \w+ (tuned|stock) \|", line):
+        if re.match(r"\| \w+ (assisted|default) \|", line):
             yield title, line
 
 
@@ -257,7 +272,7 @@ def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(
     pytest.importorskip("pymunk")
     matrix = distilled(results, "2026-01-02")
     assert {run.label: run.scheme for run in matrix.runs} == {
-        "pymunk tuned": "leapfrog, impulses", "pymunk stock": "semi-implicit Euler, impulses"
+        "pymunk assisted": "leapfrog, impulses", "pymunk default": "semi-implicit Euler, impulses"
     }  # fmt: skip
     assert {run.scheme for run in matrix.runs} <= set(SCHEME_NAMES)
     run, full = (
@@ -307,7 +322,7 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
     )
     with pytest.raises(
         InputError,
-        match=r"the run pymunk tuned on pendulum is in .*results.json and in .*first.json",
+        match=r"the run pymunk assisted on pendulum is in .*results.json and in .*first.json",
     ):
         matrix([whole, first])
 
@@ -319,7 +334,7 @@ def _sweep(
     return SweepStudy(
         engine=engine,
         engine_version="1",
-        preset="tuned",
+        preset="assisted",
         knob=knob,
         title="",
         unit="s",

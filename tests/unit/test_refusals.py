@@ -41,7 +41,7 @@ WRITING = {
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ([*RUN, "--option", "preset=stock"], "preset = 'stock' is no option"),
+        ([*RUN, "--option", "preset=default"], "preset = 'default' is no option"),
         ([*RUN, "--option", "name=mujoco"], "name = 'mujoco' is no option"),
         ([*RUN, "--option", "self=1"], "self is not a field"),
         ([*RUN, "--option", "cls=1"], "cls is not a field"),
@@ -166,7 +166,15 @@ def test_a_wait_without_end() -> None:
 def test_a_comparison_over_no_time_at_all(
     duration: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["compare", "--models", "catapult", "--engines", "reference", "--preset", "tuned"]
+    arguments = [
+        "compare",
+        "--models",
+        "catapult",
+        "--engines",
+        "reference",
+        "--preset",
+        "assisted",
+    ]
     assert main([*arguments, "--duration", duration, "--out", str(tmp_path)]) == 1
     assert "must not be longer than the duration" in " ".join(capsys.readouterr().out.split())
 
@@ -219,27 +227,36 @@ def test_a_limit_of_file_sizes_costs_only_what_does_not_fit(tmp_path: Path) -> N
         "--engines",
         "reference",
         "--preset",
-        "tuned",
+        "assisted",
     ]
     code, said = _limited("FSIZE", 400_000, [*arguments, "--out", str(tmp_path)])
     assert (code, said) == (
         2,
-        f"error: {tmp_path / 'trajectories' / 'fixed-reference-tuned.nc'} cannot be written: "
+        f"error: {tmp_path / 'trajectories' / 'fixed-reference-assisted.nc'} cannot be written: "
         "File too large.\n",
     )
     assert [path.name for path in (tmp_path / "trajectories").iterdir()] == [
-        "catapult-reference-tuned.nc"
+        "catapult-reference-assisted.nc"
     ]
     assert (
-        load(tmp_path / "trajectories" / "catapult-reference-tuned.nc").mechanism == tb.catapult()
+        load(tmp_path / "trajectories" / "catapult-reference-assisted.nc").mechanism
+        == tb.catapult()
     )
-    assert (tmp_path / "runs" / "catapult-reference-tuned.json").is_file()
+    assert (tmp_path / "runs" / "catapult-reference-assisted.json").is_file()
     assert not (tmp_path / "report.html").exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX's")
 def test_too_few_file_handles(tmp_path: Path) -> None:
-    arguments = ["compare", "--models", "catapult", "--engines", "reference", "--preset", "tuned"]
+    arguments = [
+        "compare",
+        "--models",
+        "catapult",
+        "--engines",
+        "reference",
+        "--preset",
+        "assisted",
+    ]
     code, said = _limited("NOFILE", 10, [*arguments, "--out", str(tmp_path)])
     assert code in (1, 2) and "Traceback" not in said
 

@@ -28,7 +28,7 @@ PROBLEM = tb.Problem(tb.fixed(), duration=2.0)
 @cache
 def comparison() -> Comparison:
     return tb.compare(
-        [PROBLEM], ["mujoco"], ["stock"], timestep=4e-3, isolate=False, diagnose=False
+        [PROBLEM], ["mujoco"], ["default"], timestep=4e-3, isolate=False, diagnose=False
     )
 
 
@@ -48,7 +48,7 @@ def held() -> dict[str, Any]:
         "difference": tb.diff(with_store, with_store),
         "convergence": tb.converge("pendulum", ["mujoco"], knobs=["integrator"], **pendulum),
         "explanation": tb.explain(
-            tb.fixed(), ["mujoco"], ["stock"], timestep=1e-2, until=0.5, isolate=False
+            tb.fixed(), ["mujoco"], ["default"], timestep=1e-2, until=0.5, isolate=False
         ),
         "advice": tb.recommend("fixed", ["mujoco"], position=1e-2, neighbours=0, isolate=False),
     }

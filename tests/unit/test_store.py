@@ -52,7 +52,7 @@ ANOTHER: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 
 def _study(folder: Path, until: float | None = 0.5) -> Study:
     store = Store(folder / "trajectories", True, folder / "runs")
-    return Study(["fixed"], ["reference"], ["tuned"], until=until, store=store, isolate=False)
+    return Study(["fixed"], ["reference"], ["assisted"], until=until, store=store, isolate=False)
 
 
 def _again(folder: Path) -> tuple[Comparison, tuple[int, int]]:
@@ -103,9 +103,9 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
     "folder": lambda path: (path.unlink(), path.mkdir()),
 }
 FILES = (
-    "trajectories/fixed-reference-tuned.nc",
-    "runs/fixed-reference-tuned.nc.json",
-    "runs/fixed-reference-tuned.json",
+    "trajectories/fixed-reference-assisted.nc",
+    "runs/fixed-reference-assisted.nc.json",
+    "runs/fixed-reference-assisted.json",
     "runs/fixed.json",
 )
 
@@ -136,7 +136,7 @@ def test_all_files_damaged_make_it_anew(how: str, tmp_path: Path) -> None:
 
 def test_a_changed_figure_is_not_believed(tmp_path: Path) -> None:
     first = compare_study(_study(tmp_path)).results.runs[0].steps
-    _changed_figure(tmp_path / "runs" / "fixed-reference-tuned.json")
+    _changed_figure(tmp_path / "runs" / "fixed-reference-assisted.json")
     again, counts = _again(tmp_path)
     assert again.results.runs[0].steps == first
     assert counts == (1, 0), "its trajectory is whole: only the measuring is done again"
@@ -271,7 +271,7 @@ def test_a_comparison_read_again_has_the_reference_that_it_was_made_with(tmp_pat
     """With its impacts, and as far as an engine may end later than the reference."""
     store = Store(tmp_path / "trajectories")
     made = compare_study(
-        Study(["bouncing"], ["reference"], ["tuned"], until=1.0, store=store, isolate=False)
+        Study(["bouncing"], ["reference"], ["assisted"], until=1.0, store=store, isolate=False)
     )
     (tmp_path / "results.json").write_text(made.results.to_json())
     again = stored(tmp_path)
@@ -301,18 +301,18 @@ def test_a_preset_is_a_condition_where_it_may_decide_more_than_the_settings_tell
     """As in a plug-in; settings of a built-in engine are all of it."""
     plugin_engines.announce(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    tuned, stock = (plugin_engines.Echo(preset=preset) for preset in ("tuned", "stock"))
-    assert tuned.settings == stock.settings
-    assert conditions(engine=tuned) != conditions(engine=stock)
+    assisted, default = (plugin_engines.Echo(preset=preset) for preset in ("assisted", "default"))
+    assert assisted.settings == default.settings
+    assert conditions(engine=assisted) != conditions(engine=default)
     own, same = (
         tb.engine("reference"),
-        tb.engine("reference", "stock", **tb.engine("reference").settings),
+        tb.engine("reference", "default", **tb.engine("reference").settings),
     )
     assert own.preset != same.preset and own.settings == same.settings
     assert conditions(engine=own) == conditions(engine=same)
 
 
-@pytest.mark.parametrize("lost", [None, "runs/fixed-reference-tuned.json"])
+@pytest.mark.parametrize("lost", [None, "runs/fixed-reference-assisted.json"])
 def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
     lost: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -328,7 +328,7 @@ def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
         "--engines",
         "reference",
         "--preset",
-        "tuned",
+        "assisted",
         "--until",
         "0.5",
     ]
@@ -349,7 +349,7 @@ def test_trials_taken_from_a_store_are_still_of_as_many_runs_at_once(
     monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
     machine = ["--model", "pendulum", "--engines", "pymunk", "--out", str(tmp_path)]
     commands = {
-        "explain": ["--preset", "tuned", "--until", "0.1", "--timestep", "5e-3"],
+        "explain": ["--preset", "assisted", "--until", "0.1", "--timestep", "5e-3"],
         "recommend": ["--position", "1e-2", "--until", "0.1", "--neighbours", "0"],
     }
     assert len(commands) > 0

@@ -61,9 +61,11 @@ def _disagreeing(run: Run, number: int = 0) -> Run:
 def test_it_begins_with_the_verdict_and_ends_with_what_can_be_opened(results: Results) -> None:
     text = _text(results)
     assert text.startswith("✓ Agreement holds. Runs: 4 agree;")
-    assert "| pendulum | pymunk tuned | ✓ " in text and "✓ agrees" in text
+    assert "| pendulum | pymunk assisted | ✓ " in text and "✓ agrees" in text
     shown, opened = text.split("<details>", 1)
-    assert "pymunk" in shown and "reference tuned" not in shown and "reference tuned" in opened
+    assert (
+        "pymunk" in shown and "reference assisted" not in shown and "reference assisted" in opened
+    )
     assert "```\ntrebucheck compare --model pendulum\n```" in shown
     assert text.count("<details>") == text.count("</details>") == 2
     assert "Made by" not in _text(results.made_by(None))
@@ -74,10 +76,10 @@ def test_its_numbers_are_those_of_the_results(results: Results) -> None:
 
     No column of a quantity that a pendulum does not have.
     """
-    row = re.search(r"^\| pendulum \| pymunk stock \|(.*)$", _text(results), re.MULTILINE)
+    row = re.search(r"^\| pendulum \| pymunk default \|(.*)$", _text(results), re.MULTILINE)
     assert row
     cells = [cell.strip() for cell in row[1].split("|")]
-    run = next(run for run in results.runs if run.label == "pymunk stock")
+    run = next(run for run in results.runs if run.label == "pymunk default")
     largest = {
         0: max(abs(m.value or 0) for m in run.metrics if m.name == "position_max"),
         1: max(abs(m.value or 0) for m in run.metrics if m.name == "joint_reaction_relative"),

@@ -76,9 +76,9 @@ def test_an_engine_that_does_not_say_is_not_taken_to_supply_all() -> None:
 
 
 def test_limits_that_stay_in_the_model_are_mujocos_own() -> None:
-    assert stated(tb.engine("mujoco", "stock")) == {}
-    assert stated(tb.engine("mujoco", "stock", locate_releases=True)) == {Part.EVENTS: ""}
-    assert stated(tb.engine("mujoco", "tuned")) == {Part.EVENTS: "", Part.IMPACTS: ""}
+    assert stated(tb.engine("mujoco", "default")) == {}
+    assert stated(tb.engine("mujoco", "default", locate_releases=True)) == {Part.EVENTS: ""}
+    assert stated(tb.engine("mujoco", "assisted")) == {Part.EVENTS: "", Part.IMPACTS: ""}
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
             {"mujoco,reference", "mujoco,pymunk", "mujoco,exudyn"},
         ),
         ("trebucheck compare --models sque", {"squeezer"}),
-        ("trebucheck run --preset ", {"stock", "tuned"}),
+        ("trebucheck run --preset ", {"default", "assisted"}),
         ("trebucheck run --option mujoco.solr", {"mujoco.solref="}),
         ("trebucheck engines py", {"pymunk"}),
         ("trebucheck models show roll", {"rolling"}),
@@ -192,7 +192,7 @@ def test_several_processes_give_the_same_study(tmp_path: Path) -> None:
         "--engines",
         "pymunk",
         "--preset",
-        "tuned",
+        "assisted",
         "--until",
         "0.3",
     ]
@@ -217,7 +217,7 @@ def _without_times(value: object) -> object:
 
 def test_results_say_how_many_were_made_at_once() -> None:
     found = tb.compare(
-        ["fixed"], ["reference"], ["tuned"], duration=0.1, timestep=5e-3, isolate=False
+        ["fixed"], ["reference"], ["assisted"], duration=0.1, timestep=5e-3, isolate=False
     ).results
     assert "jobs" not in json.loads(found.made_by("x").to_json())
     assert json.loads(found.made_by("x", 2).to_json())["jobs"] == 2

@@ -68,7 +68,7 @@ def _judged(
     fields: dict[str, Any] = {
         "model": "trolley",
         "engine": "reference",
-        "preset": "tuned",
+        "preset": "assisted",
         "outcome": "not judged",
         "engine_version": "1",
         "metrics": (metric,),
@@ -312,7 +312,7 @@ def _claiming(*tolerances: Tolerance, monkeypatch: pytest.MonkeyPatch) -> None:
 def _claim(
     metric: str = "position_max", value: float = 1e-4, step: float = 1e-3, **more: Any
 ) -> Tolerance:
-    return Tolerance("tuned", metric, value, step, 2, "why", **more)
+    return Tolerance("assisted", metric, value, step, 2, "why", **more)
 
 
 TABLE_ONE = tb.fixed()
@@ -355,7 +355,7 @@ def test_a_claim_holds_on_table_one_as_it_is_stated(
         0.26
     )
     assert _judged(metric, table_one, needs={"position": "1%"}, **STEP).source == "need"
-    assert _judged(metric, table_one, preset="stock", **STEP).source == "default"
+    assert _judged(metric, table_one, preset="default", **STEP).source == "default"
     assert (
         _judged(_metric("joint_reaction_max", "fulcrum", unit="N"), table_one, **STEP).source
         == "default"
@@ -510,7 +510,7 @@ def test_the_claim_at_the_next_shorter_step_is_taken(monkeypatch: pytest.MonkeyP
 
     def value(step: float | None, **more: Any) -> float | None:
         stated = tolerance_for(
-            "e", "tuned", "position_max", "tip", TABLE_ONE, step, **{"table_one": True, **more}
+            "e", "assisted", "position_max", "tip", TABLE_ONE, step, **{"table_one": True, **more}
         )
         return None if stated is None else stated.value
 
@@ -521,7 +521,8 @@ def test_the_claim_at_the_next_shorter_step_is_taken(monkeypatch: pytest.MonkeyP
     assert value(1e-3, table_one=False) == pytest.approx(1e-3)
     assert value(None) is None
     assert (
-        tolerance_for("e", "stock", "position_max", "tip", TABLE_ONE, 1e-3, table_one=True) is None
+        tolerance_for("e", "default", "position_max", "tip", TABLE_ONE, 1e-3, table_one=True)
+        is None
     )
 
 

@@ -43,7 +43,7 @@ def _run(outcome: Outcome = Outcome.AGREES, *metrics: Metric, **more: Any) -> Ru
     return Run(
         model="m",
         engine="e",
-        preset="tuned",
+        preset="assisted",
         outcome=outcome,
         engine_version="1",
         metrics=metrics,
@@ -111,7 +111,7 @@ def test_figures_of_a_run() -> None:
     run = _run(Outcome.DISAGREES, HELD, BROKEN, BARE, UNSEEN, FOLLOWS)
     assert (run.judged, run.broken, run.unjudged) == ((HELD, BROKEN), (BROKEN,), (BARE,))
     assert run.metric("position_max") is HELD and run.metric("position_max", "tip") is None
-    assert (run.label, run.steps, run.settings, run.diagnosis) == ("e tuned", 0, {}, None)
+    assert (run.label, run.steps, run.settings, run.diagnosis) == ("e assisted", 0, {}, None)
     assert (HELD.label, _metric(subject="tip").label) == ("position_max", "position_max (tip)")
 
 

@@ -241,7 +241,7 @@ def test_a_problem_brings_its_own_end_and_law() -> None:
 
 def test_a_compared_problem_runs_under_its_own_law() -> None:
     (bouncing,) = tb.compare(
-        ["bouncing"], engines=["reference"], presets=["tuned"], isolate=False
+        ["bouncing"], engines=["reference"], presets=["assisted"], isolate=False
     ).results.machines
     assert bouncing.compared_to == pytest.approx(benchmark("bouncing").problem().duration)
     assert bouncing.impacts > 10
