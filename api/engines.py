@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from ..engines.presets import ASSISTED
 from ..engines.protocol import Engine
 from ..engines.reference.engine import ReferenceEngine
 from ..engines.registry import engine, engine_class, engine_names

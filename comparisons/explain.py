@@ -678,7 +678,9 @@ def explain_study(study: Study) -> Explanation:
     """
     # A part a preset, and one for each preset beside the next.
     engines: list[tuple[Engine, ...]] = []
-    for name in study.measured_engines:
+    # The reference has a budget where it is named: its options may be set otherwise.
+    names = study.measured_engines if study.engines is None else study.every_engine
+    for name in names:
         presets = study.presets_of(name)
         made = tuple(study.engine(name, preset) for preset in presets)
         engines += [(each,) for each in made]

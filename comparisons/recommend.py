@@ -2,7 +2,7 @@
 
 For each engine there are a few sets of options from default to assisted, and a ladder of time
 steps. A set adds to the one before it what changes most. How much each change buys is measured, not
-assumed: the order here only decides which of two equally quick sets is recommended, the plainer one.
+assumed: the order here only decides which of two equally quick sets is recommended, the plainer.
 
 Neighbours are machines of the same kind, drawn at random, each independently of the others. A set
 is first run at one moderate step on the machine and all its neighbours; those on which it did worst

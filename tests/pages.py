@@ -44,9 +44,7 @@ COMMAND = (
 
 @cache
 def comparison() -> Comparison:
-    """Two machines, one engine that agrees assisted and disagrees default, and a run that could not be
-    made.
-    """
+    """Two machines, an engine that agrees in one preset, and a run that could not be made."""
     found = tb.compare(["fixed", "pendulum"], ["reference", "pymunk"], timestep=4e-3, isolate=False)
     runs = list(found.results.runs)
     absent = runs[-1].model_copy(

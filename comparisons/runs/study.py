@@ -355,7 +355,8 @@ class Study:
         found = presets_of(name, self.presets)
         if not found:
             known = ", ".join(engine_class(name).presets())
-            raise InputError(f"{name} has no preset {', '.join(self.presets)}; there are: {known}.")
+            asked = ", ".join(map(repr, self.presets))
+            raise InputError(f"{name} has no preset {asked}; there are: {known}.")
         return found
 
     def engine(self, name: str, preset: str) -> Engine:

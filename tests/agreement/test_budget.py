@@ -150,7 +150,7 @@ def test_softness_written_out_is_the_softness_that_follows_the_step() -> None:
     """
     pytest.importorskip("mujoco")
     for integrator in ("RK4", "Euler"):
-        assisted = MujocoEngine.assisted(integrator=integrator)
+        assisted = MujocoEngine(integrator=integrator)
         finer = next(c for c in causes_of(assisted) if c.name == "time step").options
         written = with_options(assisted, {"solref": finer["solref"]})
         problem = Problem(fixed(), duration=0.2)

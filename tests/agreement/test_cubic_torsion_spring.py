@@ -56,7 +56,7 @@ def engine(request: pytest.FixtureRequest) -> str:
 def test_of_second_order(engine: str, inertia: float) -> None:
     problem = Problem(duffing(inertia), duration=1.0)
     exact = ReferenceEngine().simulate(problem)
-    runs = [ENGINES[engine].assisted(timestep=step).simulate(problem) for step in (2e-3, 1e-3)]
+    runs = [ENGINES[engine](timestep=step).simulate(problem) for step in (2e-3, 1e-3)]
     errors = [np.abs(run.q[-1] - exact.q[-1]).max() for run in runs]
     assert errors[1] < 5e-4
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
@@ -71,7 +71,7 @@ def test_right_in_single_states(engine: str, inertia: float) -> None:
         State(q=np.array([0.3, 1.4]), u=np.zeros(2)),
         State(np.array([-1.0, 2.2]), np.ones(2)),
     ]
-    inspected = ENGINES[engine].assisted().inspect(mechanism, states)
+    inspected = ENGINES[engine]().inspect(mechanism, states)
     exact = ReferenceEngine().inspect(mechanism, states)
     for found, right in zip(inspected.dynamics, exact.dynamics, strict=True):
         assert_allclose(found.accelerations, right.accelerations, rtol=1e-8)

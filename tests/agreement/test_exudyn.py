@@ -61,7 +61,7 @@ def reference(request: pytest.FixtureRequest) -> Solution:
 
 
 def test_tuned_at_its_own_step_stays_within_the_bars(reference: Solution) -> None:
-    run = ExudynEngine.assisted().simulate(reference.problem)
+    run = ExudynEngine().simulate(reference.problem)
     exact = reference.trajectory(run.t)
     assert position_error(run, reference) <= 1e-5
     for name in (HANGER_REST, SLING_REST):
@@ -131,7 +131,7 @@ def test_times_are_equal_steps_that_end_at_the_end(reference: Solution) -> None:
 
 
 def test_stock_opens_stops_at_the_end_of_a_step() -> None:
-    engine = ExudynEngine.default()
+    engine = ExudynEngine.presets()["default"]()
     run = engine.simulate(Problem(fixed(), 1.5))
     for name in (HANGER_REST, SLING_REST):
         release = run.release_time(name)
@@ -263,7 +263,7 @@ def test_a_failed_solve_leaves_no_accelerations_of_an_earlier_state(
                 raise RuntimeError("a page of text")
             return False
 
-    solver = Solver(build(double_pendulum()), ExudynEngine.assisted())
+    solver = Solver(build(double_pendulum()), ExudynEngine())
     start = solver.start()
     assert np.isfinite(solver.balance(start, ()).accelerations).all()  # these stay in the system
     monkeypatch.setattr(exu, "MainSolverImplicitSecondOrder", FailingSolver)
@@ -285,7 +285,9 @@ def test_a_long_run_has_no_step_of_rounding_at_its_end() -> None:
     The sum of these is 2e-12 s short, and a step over that has no solution.
     """
     duration = 21.1302
-    found = ExudynEngine.default(timestep=4e-3).simulate(Problem(hanging_bob(start=1.2), duration))
+    found = ExudynEngine.presets()["default"](timestep=4e-3).simulate(
+        Problem(hanging_bob(start=1.2), duration)
+    )
     assert found.t[-1] == duration and np.diff(found.t).min() > 3e-3
 
 

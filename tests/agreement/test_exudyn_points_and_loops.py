@@ -73,7 +73,7 @@ def _releases(run: Trajectory, exact: Solution, stop: str) -> tuple[float | None
 @pytest.mark.parametrize("name", MACHINES)
 def test_tuned_at_its_own_step_stays_within_the_bars(name: str) -> None:
     exact = reference(name)
-    run = ExudynEngine.assisted().simulate(exact.problem)
+    run = ExudynEngine().simulate(exact.problem)
     there = exact.trajectory(run.t)
     for marker in run.mechanism.markers:
         assert position_error(run, exact, marker.name) <= 1e-5

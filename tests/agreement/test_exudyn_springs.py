@@ -162,8 +162,8 @@ def test_without_a_stiffness_stops_are_constraints() -> None:
         ExudynEngine(timestep=1e-2, **o).simulate(Problem(fixed(), 2.0))
         for o in ({}, {"stop_damping_ratio": 3.0})
     ]
-    assert ExudynEngine.assisted().stop_stiffness is None
-    assert ExudynEngine.default().stop_stiffness is None
+    assert ExudynEngine().stop_stiffness is None
+    assert ExudynEngine.presets()["default"]().stop_stiffness is None
     assert np.array_equal(runs[0].q, runs[1].q)
     assert np.abs(runs[0].stop_gap(HANGER_REST)[runs[0].t < 1.19]).max() <= 1e-12
 

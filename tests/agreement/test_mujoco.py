@@ -290,7 +290,7 @@ def test_its_description_needs_no_mujoco() -> None:
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
         "from trebucheck.engines.mujoco.engine import MujocoEngine\n"
-        "MujocoEngine.default(), MujocoEngine.version(), MujocoEngine.capabilities"
+        "MujocoEngine.presets()['default'](), MujocoEngine.version(), MujocoEngine.capabilities"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
@@ -347,7 +347,7 @@ def test_unilateral_comes_to_rest_on_a_stop() -> None:
 def test_stock_refuses_a_stop_that_rebounds_and_does_not_soften_it() -> None:
     met = Stop(name="met", body="rod", sense=-1, limit=-1.0, closed=False, restitution=0.5)
     problem = Problem(rod_pendulum(met), 1.0, stop_law=StopLaw.UNILATERAL)
-    for engine in (MujocoEngine.default(), MujocoEngine(keep_limits=True)):
+    for engine in (MujocoEngine.presets()["default"](), MujocoEngine(keep_limits=True)):
         with pytest.raises(
             UnsupportedProblemError, match=r"mujoco with these options .* restitution \('met'\)"
         ):
@@ -361,7 +361,7 @@ def test_under_release_once_an_open_stop_never_acts() -> None:
     once = Problem(rod_pendulum(met), 1.0)
     assert MujocoEngine().simulate(once).q.max() > 2.0
     # Stock leaves the limits in, and says so.
-    assert MujocoEngine.default().simulate(once).q.max() < 1.1
+    assert MujocoEngine.presets()["default"]().simulate(once).q.max() < 1.1
 
 
 @machines

@@ -198,8 +198,8 @@ class _Synthetic:
         error = self.constants[name] * self.factor * step**2 + self.floor
         position = Metric(name="position_max", subject="projectile", value=error, unit="m")
         return RunRecord(
-            engine="mujoco", engine_version="0", preset="assisted", settings=settings, given_hash="",
-            metrics=(position,), steps=1, wall_times=(self.cost[name] / step,) * repeats,
+            engine="mujoco", engine_version="0", preset="assisted", settings=settings,
+            given_hash="", metrics=(position,), steps=1, wall_times=(self.cost[name] / step,) * repeats,
         )  # fmt: skip
 
 
@@ -338,8 +338,8 @@ def test_the_command_gives_the_same_engine(
 def test_what_mjcf_cannot_say_is_said() -> None:
     sets = {options.name: options for options in option_sets("mujoco")}
     alone, assisted = (
-        snippets("mujoco", tb.fixed(), "assisted", sets[n].all_options(1e-3))
-        for n in ("stiff limits", "assisted")
+        snippets("mujoco", tb.fixed(), sets[n].preset, sets[n].all_options(1e-3))
+        for n in ("settings", "assisted")
     )
     assert MUJOCO_PYTHON not in alone and "Not MJCF" not in alone[MJCF]
     assert "Not MJCF" in assisted[MJCF] and "def preload" in assisted[MUJOCO_PYTHON]

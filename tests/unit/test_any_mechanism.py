@@ -53,7 +53,7 @@ def third_party(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.syspath_prepend(str(folder))
         patch.setattr(Study, "worker", lambda _: Worker(isolate=False))
         patch.setattr(converging, "_STEPS", STEPS)
-        patch.setattr(converging, "_STOCK_STEPS", STEPS[:1])
+        patch.setattr(converging, "_LONGER_STEPS", STEPS[:1])
         yield
 
 

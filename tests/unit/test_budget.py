@@ -134,9 +134,9 @@ def test_causes_that_add_are_told_apart_and_the_unknown_stays_unexplained() -> N
             + unknown
         )
 
-    found = _budget(error, PymunkEngine.default())
-    whole = error(PymunkEngine.default().settings, fixed())
-    bias = PymunkEngine.default().error_bias / 0.00179701
+    found = _budget(error, PymunkEngine.presets()["default"]())
+    whole = error(PymunkEngine.presets()["default"]().settings, fixed())
+    bias = PymunkEngine.presets()["default"]().error_bias / 0.00179701
     parts = {
         "start and labels": 0.5 * T,
         "error bias": 0.3 * bias * T**2,
@@ -169,11 +169,11 @@ def test_pairwise_interactions_are_shared_as_by_shapley() -> None:
         h, bias, labels = s["timestep"] / 1e-3, s["error_bias"] > 0, not s["leapfrog"]
         return h * (3.0 * bias + 2.0 * labels) + 0.7 * bias * labels + 0.5 * h**2
 
-    found = _budget(lambda s, _: size(s) * T, PymunkEngine.default())
-    default = PymunkEngine.default().settings
+    found = _budget(lambda s, _: size(s) * T, PymunkEngine.presets()["default"]())
+    default = PymunkEngine.presets()["default"]().settings
     removals = {
         c.name: c.removal.options
-        for c in causes_of(PymunkEngine.default())
+        for c in causes_of(PymunkEngine.presets()["default"]())
         if c.removal is not None
     }
     players = ("time step", "error bias", "start and labels")
@@ -199,7 +199,7 @@ def test_a_removal_that_leaves_a_known_part_is_extrapolated() -> None:
 
     An error of second order is accounted for as a whole.
     """
-    found = _budget(lambda s, _: 1e8 * s["timestep"] ** 2 * T, ExudynEngine.assisted())
+    found = _budget(lambda s, _: 1e8 * s["timestep"] ** 2 * T, ExudynEngine())
     position = found.quantity("position")
     assert position is not None
     assert _shares(found)["time step"] == pytest.approx(1.0, abs=ROUNDING)
@@ -207,7 +207,7 @@ def test_a_removal_that_leaves_a_known_part_is_extrapolated() -> None:
 
 
 def test_an_error_that_falls_otherwise_than_assumed_stays_partly_unexplained() -> None:
-    found = _budget(lambda s, _: 1e4 * s["timestep"] * T, ExudynEngine.assisted())
+    found = _budget(lambda s, _: 1e4 * s["timestep"] * T, ExudynEngine())
     position = found.quantity("position")
     assert position is not None
     assert position.explained == pytest.approx(0.8, abs=ROUNDING)  # (1 - 1/4) / (1 - 1/16)
@@ -223,8 +223,8 @@ def test_softness_is_told_from_the_time_step_although_it_is_scaled_with_it() -> 
         stiffness = 1.0 / s["timestep"] ** 2 if s["solref"] is None else -s["solref"][0]
         return 1e10 * (1.0 - s["solimp"][0]) / stiffness * T + 1e5 * s["timestep"] ** 2 * T**2
 
-    found = _budget(error, MujocoEngine.assisted())
-    e = error(MujocoEngine.assisted().settings, fixed())
+    found = _budget(error, MujocoEngine())
+    e = error(MujocoEngine().settings, fixed())
     shares = _shares(found)
     left = 1.0 / 64.0  # of both, at an eighth of the step
     assert shares["constraint softness"] == pytest.approx((1 - left) * T @ e / (e @ e), rel=1e-6)
@@ -244,7 +244,7 @@ def test_roundoff_is_measured_and_taken_off_the_rest_in_quadrature() -> None:
         noise = np.random.default_rng(seed).normal(0.0, 0.3, len(T))
         return 1e6 * s["timestep"] ** 2 * (1 + T) + noise
 
-    found = _budget(error, PymunkEngine.assisted())
+    found = _budget(error, PymunkEngine())
     position = found.quantity("position")
     assert position is not None and position.explained is not None
     # A thousand samples know their spread to 1/sqrt(2000); five times that.
@@ -283,7 +283,9 @@ def test_a_cause_that_cannot_be_measured_says_so_and_counts_as_unexplained() -> 
     def error(s: Mapping[str, Any], _: Mechanism) -> FloatArray:
         return (3.0 * (s["error_bias"] > 0) + (not s["leapfrog"])) * T
 
-    found = _budget(error, PymunkEngine.default(), refuses=lambda s: s["error_bias"] == 0.0)
+    found = _budget(
+        error, PymunkEngine.presets()["default"](), refuses=lambda s: s["error_bias"] == 0.0
+    )
     messages = {cause.name: cause.message for cause in found.causes if cause.message}
     assert messages == {"error bias": "it flew apart"}
     assert "error bias" not in _shares(found)
@@ -293,12 +295,12 @@ def test_a_cause_that_cannot_be_measured_says_so_and_counts_as_unexplained() -> 
 
 
 def test_a_run_that_fails_is_a_budget_without_shares() -> None:
-    found = _budget(lambda _s, _m: T, PymunkEngine.default(), refuses=lambda _: True)
+    found = _budget(lambda _s, _m: T, PymunkEngine.presets()["default"](), refuses=lambda _: True)
     assert (found.message, found.quantities) == ("it flew apart", ())
 
 
 def test_no_error_makes_no_share() -> None:
-    found = _budget(lambda _s, _m: 0.0 * T, PymunkEngine.assisted())
+    found = _budget(lambda _s, _m: 0.0 * T, PymunkEngine())
     assert main_quantities(found) == []
     assert all(share.fraction is None for quantity in found.quantities for share in quantity.shares)
 
@@ -330,8 +332,8 @@ def test_every_intervention_is_valid_and_changes_something(
 
 @pytest.mark.parametrize("engine_type", ENGINES, ids=lambda e: e.name)
 def test_what_is_taken_out_already_is_no_cause(engine_type: type[BuiltinEngine]) -> None:
-    default = {cause.name for cause in causes_of(engine_type.default())}
-    assisted = {cause.name for cause in causes_of(engine_type.assisted())}
+    default = {cause.name for cause in causes_of(engine_type.presets()["default"]())}
+    assisted = {cause.name for cause in causes_of(engine_type())}
     assert "event location" in default - assisted
     assert assisted < default
 
@@ -339,7 +341,7 @@ def test_what_is_taken_out_already_is_no_cause(engine_type: type[BuiltinEngine])
 def test_softness_that_is_no_more_than_the_step_allows_is_reduced_with_it() -> None:
     default, assisted = (
         next(c for c in causes_of(engine) if c.name == "constraint softness")
-        for engine in (MujocoEngine.default(), MujocoEngine.assisted())
+        for engine in (MujocoEngine.presets()["default"](), MujocoEngine())
     )
     assert (default.after, default.scaling) == ((), None)
     assert (
@@ -459,7 +461,7 @@ def test_by_its_own_kinematics_the_reference_is_where_it_was() -> None:
 
 
 def test_a_reread_engine_is_remembered_as_another_one() -> None:
-    engine = PymunkEngine.assisted()
+    engine = PymunkEngine()
     reread = Reread(engine, own_kinematics=True, filtered_torques=False)
     assert (
         reread.name == "pymunk"
@@ -478,12 +480,12 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
 
     study = ClosedForm(error)
     found = compare_presets(
-        cast("EngineRuns", study), PymunkEngine.default(), PymunkEngine.assisted()
+        cast("EngineRuns", study), PymunkEngine.presets()["default"](), PymunkEngine()
     )
     by_option = {change.option: change for change in found.changes}
-    default, assisted = PymunkEngine.default().settings, PymunkEngine.assisted().settings
+    default, assisted = PymunkEngine.presets()["default"]().settings, PymunkEngine().settings
     assert set(by_option) == {name for name in default if default[name] != assisted[name]}
-    assert (found.default.position, found.assisted.position) == (55.0, 1.0)
+    assert (found.first.position, found.second.position) == (55.0, 1.0)
     assert (by_option["error_bias"].alone.position, by_option["error_bias"].back.position) == (
         5.0,
         11.0,
@@ -500,9 +502,13 @@ def test_each_option_is_changed_alone_from_either_end() -> None:
 def test_presets_are_compared_at_the_same_step() -> None:
     study = ClosedForm(lambda s, _: s["timestep"] * T)
     found = compare_presets(
-        cast("EngineRuns", study), ExudynEngine.default(), ExudynEngine.assisted()
+        cast("EngineRuns", study), ExudynEngine.presets()["default"](), ExudynEngine()
     )
-    assert {s["timestep"] for s in study.seen} == {found.timestep} == {1e-3}
+    assert (
+        {s["timestep"] for s in study.seen}
+        == {found.timestep}
+        == {ExudynEngine.presets()["default"]().timestep}
+    )
 
 
 # how it is shown
@@ -515,7 +521,7 @@ def explanation() -> Explanation:
 
     machine = fixed()
     study = cast("EngineRuns", ClosedForm(error, refuses=lambda s: s["locate_releases"]))
-    broken = _budget(error, PymunkEngine.assisted(), refuses=lambda _: True)
+    broken = _budget(error, PymunkEngine(), refuses=lambda _: True)
     return Explanation(
         trebucheck_version="0",
         python_version="3",
@@ -528,8 +534,8 @@ def explanation() -> Explanation:
                 launch_time=1.0,
             ),
         ),
-        budgets=(budget(study, PymunkEngine.default()), broken),
-        comparisons=(compare_presets(study, PymunkEngine.default(), PymunkEngine.assisted()),),
+        budgets=(budget(study, PymunkEngine.presets()["default"]()), broken),
+        comparisons=(compare_presets(study, PymunkEngine.presets()["default"](), PymunkEngine()),),
     )
 
 
@@ -550,9 +556,10 @@ def test_the_page_shows_causes_failures_and_needs_nothing_else(explanation: Expl
 
 def test_engines_without_an_error_can_be_shown(explanation: Explanation) -> None:
     study = cast("EngineRuns", ClosedForm(lambda _s, _m: 0.0 * T))
-    found = compare_presets(study, PymunkEngine.default(), PymunkEngine.assisted())
+    default = PymunkEngine.presets()["default"]()
+    found = compare_presets(study, default, PymunkEngine())
     spotless = explanation.model_copy(
-        update={"budgets": (budget(study, PymunkEngine.default()),), "comparisons": (found,)}
+        update={"budgets": (budget(study, default),), "comparisons": (found,)}
     )  # fmt: skip
     assert "No error to explain" in html.page(document(spotless))
     console = Console(record=True, file=StringIO())
@@ -622,5 +629,5 @@ def test_an_engine_that_is_not_installed_is_a_row_of_the_explanation(
     )
     (absent,) = explanation.budgets
     assert absent.message is not None and "pip install exudyn" in absent.message
-    assert explanation.comparisons[0].default.message == absent.message
+    assert explanation.comparisons == ()
     assert "pip install exudyn" in html.page(document(explanation))

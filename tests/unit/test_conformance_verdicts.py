@@ -95,10 +95,10 @@ def test_a_row_of_a_problem_counts_what_was_judged_and_shows_the_worst() -> None
     [
         (("default", "assisted"), "assisted"),
         (("assisted", "default"), "assisted"),
-        (("fast", "slow"), "fast"),
+        (("fast", "slow"), "slow"),
     ],
 )
-def test_the_tuned_preset_is_judged_or_the_first_one(
+def test_the_assisted_preset_is_judged_or_the_last_one(
     presets: tuple[str, ...], chosen: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     engine = engine_class("reference")

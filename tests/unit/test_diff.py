@@ -506,7 +506,7 @@ def _no_outcome(data: dict[str, Any]) -> Any:
         (lambda _: {"a": 1}, "no format"),
         (
             _twice,
-            "pendulum, reference, assisted is there twice|pendulum, pymunk, assisted is there twice",
+            "pendulum, pymunk, default is there twice",
         ),
         (lambda data: {**data, "machines": []}, "'pendulum', which is not among the machines"),
         (_no_outcome, r"runs.0.outcome = 'splendid'"),

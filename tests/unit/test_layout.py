@@ -97,7 +97,7 @@ def test_80_columns_show_all_of_runs_that_agree_or_disagree() -> None:
             80,
         )
     )
-    assert "disagrees 28/28" in text and "Not shown" not in text
+    assert "agrees 28/28" in text and "Not shown" not in text
 
 
 def test_columns_go_in_the_order_of_their_ranks_and_are_named() -> None:

@@ -200,8 +200,8 @@ def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_
     )  # fmt: skip
     (found,) = spreads(_matrix(*runs))
     assert (found.scheme, found.constrained, found.engines) == (RK4, False, ("a", "b", "d", "e"))
-    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against each
-    # of the four
+    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against
+    # each of the four
     assert sorted(each.value for each in found.within) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
     assert sorted(each.value for each in found.between) == pytest.approx(
         [1e-4 / 9e-9, 1e-4 / 3e-9, 1e5, 1e8]
@@ -272,7 +272,7 @@ def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(
     pytest.importorskip("pymunk")
     matrix = distilled(results, "2026-01-02")
     assert {run.label: run.scheme for run in matrix.runs} == {
-        "pymunk assisted": "leapfrog, impulses", "pymunk default": "semi-implicit Euler, impulses"
+        "pymunk default": "semi-implicit Euler, impulses", "pymunk assisted": "leapfrog, impulses"
     }  # fmt: skip
     assert {run.scheme for run in matrix.runs} <= set(SCHEME_NAMES)
     run, full = (

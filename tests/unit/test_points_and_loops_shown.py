@@ -199,12 +199,12 @@ def test_suspects_are_machines_that_can_move(machine: tb.Mechanism) -> None:
 
 def test_points_bring_a_cause_of_their_own() -> None:
     """MuJoCo's contacts leave a term out that limits do not have."""
-    default = MujocoEngine.default()
+    default = MujocoEngine.presets()["default"]()
     assert "moving points" not in {cause.name for cause in causes_of(default, tb.fixed())}
     for name in ("hinged", "floating-arm"):
         first, *others = causes_of(default, model(name))
         assert first.name == "moving points"
         assert all("moving points" in cause.after for cause in others)
         assert "moving points" not in {
-            cause.name for cause in causes_of(MujocoEngine.assisted(), model(name))
+            cause.name for cause in causes_of(MujocoEngine(), model(name))
         }

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 from scipy.optimize import NonlinearConstraint, minimize
+from trebucheck.api.engines import ASSISTED
 from trebucheck.api.mechanics import (
     ARM_STOP,
     PROJECTILE,
@@ -36,7 +37,6 @@ from trebucheck.api.mechanics import (
     solve_to_launch,
 )
 from trebucheck.api.studies import Comparison, Outcome, Run, compare
-from trebucheck.engines.presets import ASSISTED
 
 from ..evidence.claims import EngineValue
 from ..evidence.engine_runs import Allowed, speed_allowance
