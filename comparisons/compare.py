@@ -347,7 +347,7 @@ def compare_study(
             if isinstance(machine, SimulationError):
                 record = new_record(case.engine, case.preset, engine, by_name[case.model])
                 record = record.failed(machine)
-                return FinishedRun(record, run_row(record, engine, case.model))
+                return FinishedRun(record, run_row(record, engine, by_name[case.model]))
             time = machine.machine.scales.time
             return machine.run(case, study.engine_for(case.model, time, engine))
 

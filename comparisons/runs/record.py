@@ -343,11 +343,11 @@ def runs_of(study: Study, worker: Worker) -> tuple[list[EngineRuns], dict[str, s
     return runs, failed
 
 
-def run_row(record: RunRecord, engine: Engine, model: str) -> Run:
+def run_row(record: RunRecord, engine: Engine, mechanism: Mechanism) -> Run:
     """Row of a comparison for a record of an engine as it ran, not judged."""
     declared = engine_study(record.engine).step_orders.get(record.preset, StepOrder(None, ""))
     return Run(
-        model=model,
+        model=mechanism.name,
         engine=record.engine,
         preset=record.preset,
         outcome=record.outcome,
@@ -356,7 +356,7 @@ def run_row(record: RunRecord, engine: Engine, model: str) -> Run:
         engine_version=record.engine_version,
         scheme=declared.scheme,
         order=declared.order,
-        supplied=stated(engine),
+        supplied=stated(engine, mechanism),
         settings=record.settings,
         steps=record.steps,
         wall_time=next(iter(record.wall_times), None),
@@ -368,7 +368,7 @@ def run_row(record: RunRecord, engine: Engine, model: str) -> Run:
 
 def judged(record: RunRecord, engine: Engine, machine: Machine, needs: Needs) -> Run:
     """Row of a comparison for a record, with its verdict if the run came to its end."""
-    run = run_row(record, engine, machine.model)
+    run = run_row(record, engine, machine.mechanism)
     if not record.ran:
         return run
     metrics = judge(run, machine, needs)

@@ -199,7 +199,8 @@ class _Synthetic:
         position = Metric(name="position_max", subject="projectile", value=error, unit="m")
         return RunRecord(
             engine="mujoco", engine_version="0", preset="assisted", settings=settings,
-            given_hash="", metrics=(position,), steps=1, wall_times=(self.cost[name] / step,) * repeats,
+            given_hash="", metrics=(position,), steps=1,
+            wall_times=(self.cost[name] / step,) * repeats,
         )  # fmt: skip
 
 

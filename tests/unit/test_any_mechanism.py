@@ -122,7 +122,7 @@ def test_budgets_are_of_what_there_is(command: Command) -> None:
     ]
     assert second["quantities"][0]["largest"] > 1e-8
     assert all(
-        each["assisted"]["torque"] is None and each["assisted"]["release"] is None
+        each["second"]["torque"] is None and each["second"]["release"] is None
         for each in found["comparisons"]
     )
 
@@ -269,7 +269,7 @@ def test_whole_steps_beyond_the_end_are_within_the_reference() -> None:
 def test_steps_follow_a_short_end() -> None:
     """Ten milliseconds, or a tenth of one, have as many steps as a whole throw."""
     for until in (1e-2, 1e-4):
-        study = Study([tb.fixed()], ["second"], until=until, isolate=False)
+        study = Study([tb.fixed()], ["second"], ["assisted"], until=until, isolate=False)
         found = converging.converge_study(study, ["timestep"]).machines[0].studies[0]
         assert all(point.message is None for point in found.points)
         usual = found.points[

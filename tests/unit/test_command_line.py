@@ -140,7 +140,7 @@ def test_compare_writes_all_and_ends_well(
     assert main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(out)]) == 0
     assert "Agreement holds" in capsys.readouterr().out
     results = Results.load(out / "results.json")
-    assert [run.label for run in results.runs] == ["reference assisted", "reference default"]
+    assert [run.label for run in results.runs] == ["reference default", "reference assisted"]
     page = (out / "report.html").read_text()
     assert "Fixed machine" in page
     assert results.command == f"trebucheck compare --engine reference --model fixed --out {out}"
@@ -149,8 +149,8 @@ def test_compare_writes_all_and_ends_well(
         "the report must need nothing else"
     )
     assert sorted(p.name for p in (out / "trajectories").iterdir()) == [
-        "fixed-reference-default.nc",
         "fixed-reference-assisted.nc",
+        "fixed-reference-default.nc",
     ]
     assert not list(out.rglob("*.part"))
 
@@ -184,14 +184,14 @@ def test_a_broken_tolerance_is_exit_code_1(
     from trebucheck.comparisons.runs import tolerances
     from trebucheck.engines.study import EngineStudy, Tolerance
 
-    strict = Tolerance("default", "launch_speed", 1e-9, 1.0, 0, "a test")
+    strict = Tolerance("assisted", "launch_speed", 1e-9, 1.0, 0, "a test")
     monkeypatch.setattr(tolerances, "engine_study", lambda _: EngineStudy(tolerances=(strict,)))
-    assert (
-        main(["compare", "--engine", "reference", "--model", "fixed", "--out", str(tmp_path)]) == 1
-    )
+    coarse = ["--preset", "assisted", "--option", "rtol=1e-8", "--option", "atol=1e-8"]
+    words = ["compare", "--engine", "reference", "--model", "fixed", *coarse]
+    assert main([*words, "--out", str(tmp_path)]) == 1
     shown = re.sub(r"\s+", " ", capsys.readouterr().out)
     assert "Agreement does not hold" in shown
-    assert "fixed, reference default: launch_speed" in shown
+    assert "fixed, reference assisted: launch_speed" in shown
     assert "disagrees" in (tmp_path / "report.html").read_text()
 
 

@@ -322,7 +322,7 @@ def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: 
     )
     with pytest.raises(
         InputError,
-        match=r"the run pymunk assisted on pendulum is in .*results.json and in .*first.json",
+        match=r"the run pymunk default on pendulum is in .*results.json and in .*first.json",
     ):
         matrix([whole, first])
 

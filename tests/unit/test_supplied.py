@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 import trebucheck as tb
+from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.supplied import (
     HELD,
     LIMITED,
@@ -70,15 +71,28 @@ def test_it_is_said_in_a_sentence() -> None:
 
 def test_an_engine_that_does_not_say_is_not_taken_to_supply_all() -> None:
     assert stated(object()) is None
-    assert (
-        stated(tb.engine("reference")) is None
-    )  # the default of an engine that is made from our base class
+
+    class Silent(BuiltinEngine):
+        name, package = "silent", "scipy"
+
+        def _run(self, problem: tb.Problem) -> Recording:
+            raise NotImplementedError
+
+    assert stated(Silent()) is None  # the default of an engine that is made from our base class
 
 
-def test_limits_that_stay_in_the_model_are_mujocos_own() -> None:
-    assert stated(tb.engine("mujoco", "default")) == {}
-    assert stated(tb.engine("mujoco", "default", locate_releases=True)) == {Part.EVENTS: ""}
-    assert stated(tb.engine("mujoco", "assisted")) == {Part.EVENTS: "", Part.IMPACTS: ""}
+def test_mujoco_says_what_is_done_in_its_place() -> None:
+    for preset in ("default", "settings"):
+        assert stated(tb.engine("mujoco", preset)) == {}
+    located = stated(tb.engine("mujoco", "default", locate_releases=True))
+    assert located is not None and set(located) == {Part.EVENTS}
+    parts = {Part.EVENTS, Part.IMPACTS, Part.START, Part.CORRECTIONS, Part.SUBSTEPS, Part.UNITS}
+    assisted = tb.engine("mujoco")
+    everything = stated(assisted)
+    assert everything is not None and set(everything) == parts
+    # A pendulum has no stops, no points and a size that needs no units of its own.
+    pendulum = stated(assisted, tb.model("pendulum"))
+    assert pendulum is not None and set(pendulum) == {Part.SUBSTEPS}
 
 
 @pytest.mark.parametrize(

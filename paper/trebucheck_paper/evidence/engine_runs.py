@@ -21,7 +21,7 @@ from typing import TypeVar
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
-from trebucheck.api.engines import Engine, engine
+from trebucheck.api.engines import ASSISTED, Engine, engine
 from trebucheck.api.mechanics import (
     PROJECTILE,
     FloatArray,
@@ -36,7 +36,6 @@ from trebucheck.api.mechanics import (
     solve,
 )
 from trebucheck.api.studies import StatedTolerance, Worker, failure, is_table_one, tolerance_for
-from trebucheck.engines.presets import ASSISTED
 
 from .claims import EngineValue
 from .quantities import BEND, LAUNCH_TIME, Readings, ThrowQuantity, read
