@@ -43,7 +43,7 @@ def resolved(asked: str, known: Collection[str]) -> str:
     if asked in known:
         return asked
     current = FORMER_NAMES.get(asked)
-    if current in known:
+    if current is not None and current in known:
         message = f"the preset {asked!r} is called {current!r} now: {_WHAT_CHANGED[asked]}."
         warnings.warn(message, FutureWarning, stacklevel=2)
         return current

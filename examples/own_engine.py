@@ -22,7 +22,7 @@ class ScipyBodies(BuiltinEngine):
     name: ClassVar[str] = "scipy-bodies"
     package: ClassVar[str] = "scipy"  # its version is recorded
     # The preset 'default' beside 'assisted', whose options are the defaults of the fields.
-    default_options: ClassVar[Mapping[str, object]] = {"rtol": 1e-6}
+    default_options: ClassVar[Mapping[str, object] | None] = {"rtol": 1e-6}
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=False,

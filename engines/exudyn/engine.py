@@ -52,7 +52,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
     # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,
     # adaptive step. Its default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a
     # connector off after a step.
-    default_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         "timestep": 1e-3,
         "integrator": "generalized-alpha-index-3",
         "newton_relative": 1e-8,

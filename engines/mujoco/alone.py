@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
 from ...models.mjcf.elements import felt_from
 from ...models.mjcf.variants import Numerics, Variant
@@ -54,7 +55,7 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
         states, sensors = rollout(model, data, before[None], nstep=steps)
         mujoco.mj_setState(model, data, states[0, -1], STATE)
         mujoco.mj_forward(model, data)
-    times = options.timestep * np.arange(steps + 1)
+    times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
     samples = Samples(steps=steps)
     samples.add(
         times,

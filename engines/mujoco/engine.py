@@ -85,7 +85,7 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         features=built_features(BUILT),
         elements=BUILT,
     )
-    default_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         **_ALONE,
         "timestep": 2e-3,
         "integrator": "Euler",
@@ -94,8 +94,8 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
         "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
         "margin": 0.0,
     }
-    settings_options: ClassVar[Mapping[str, object]] = _ALONE
-    assistance: ClassVar[tuple[Assistance, ...]] = (
+    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.EVENTS,
             "locates releases inside a step",

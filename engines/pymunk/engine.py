@@ -52,7 +52,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         "positions",
     )
     # What the library does if nothing is set, and its states read as they come after each step.
-    default_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         "iterations": 10,
         "start_iterations": 10,
         "error_bias": _LIBRARY_ERROR_BIAS,

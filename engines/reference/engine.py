@@ -53,8 +53,8 @@ class ReferenceEngine(BuiltinEngine):
         elements=BUILT,  # which both formulations have
     )
     # Nothing assists it: its two presets differ in name alone.
-    default_options: ClassVar[Mapping[str, object]] = {}
-    assistance: ClassVar[tuple[Assistance, ...]] = ()
+    default_options: ClassVar[Mapping[str, object] | None] = {}
+    assistance: ClassVar[tuple[Assistance, ...] | None] = ()
 
     integrator: Literal["dop853", "taylor", "auto"] = Field(
         default="dop853",

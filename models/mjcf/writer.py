@@ -241,7 +241,8 @@ class _Writer:
             written(numerics, "timestep", "integrator", "solver", "tolerance", "iterations"),
             gravity=spatial(self.mechanism.gravity_vector),
         )  # fmt: skip
-        if not self.points.walls and not self.thrown:
+        # Geoms are of no class that touches: the flag only saves MuJoCo the look.
+        if not self.points.walls and not self.thrown and self.variant.numerics is None:
             add(option, "flag", contact="disable")
         default, soft = add(root, "default"), written(numerics, "solref", "solimp")
         limits = {f"{name}limit": value for name, value in soft.items()}
