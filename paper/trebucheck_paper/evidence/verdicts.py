@@ -164,27 +164,22 @@ def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = 
     return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0)
 
 
-def distinguishable(
-    ours: Quantity, printed: str, resolution: float, reason: str, causes: Iterable[Cause] = ()
-) -> Judgement:
-    """Difference in the paper: larger than its own sampling and digits can hide.
+def differs(ours: Quantity, printed: str, causes: Iterable[Cause] = ()) -> Judgement:
+    """A difference that the text states, as it states it: more than digits and uncertainty hide.
 
     Args:
-        ours: one of them.
+        ours: one of the two.
         printed: the other, with the digits it is known to.
-        resolution: what the paper's sampling can tell apart, in the unit of ours.
-        reason: where that comes from.
+        causes: what else is to be said of a claim that is true as it is written.
     """
     number = parse(printed)
-    rule = (
-        f"ours and {number.digits} lie more than {resolution:.3g} {ours.unit}".rstrip()
-        + f" ({reason}) apart"
-    )
+    rule = f"ours and {number.digits} differ by more than its digits and our uncertainty"
     error = abs(ours.value - number.value)
-    if error > resolution + number.half + (ours.uncertainty or 0.0):
-        return Judgement(Verdict.HOLDS, rule)
-    fact = f"ours is {_format(ours)}, only {_format(error, ours.unit, 3)} from {number.digits}"
-    return Judgement(Verdict.FAILS, rule, _why(fact, causes), 1.0)
+    if error > number.half + (ours.uncertainty or 0.0):
+        fact = f"true as it is written, by {_format(error, ours.unit, 3)}"
+        notes = _why(fact, causes)
+        return Judgement(Verdict.HOLDS, rule, "" if notes == fact else notes)
+    return Judgement(Verdict.FAILS, rule, f"ours is {_format(ours)}", 1.0)
 
 
 def occurs(occurred: bool, what: str, causes: Iterable[Cause] = ()) -> Judgement:

@@ -20,7 +20,7 @@ from ..evidence.verdicts import (
     Judgement,
     Row,
     as_printed,
-    distinguishable,
+    differs,
     occurs,
     positive,
     undecided,
@@ -289,19 +289,16 @@ def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterat
     """Largest speed at another angle than the best one, on every world of the table but ours.
 
     Gravity only scales the time of a throw from rest: the angle of the largest speed is the same
-    everywhere. In Sec. IV the two angles pass as one on the Earth without air; so they do elsewhere
-    unless they lie farther apart.
+    everywhere. In Sec. IV the two angles pass as one on the Earth without air, where they are as
+    far apart as on the Moon: the claim is true, and what it says of the Earth is not.
     """
     turned, values = _angle_per_step(evidence), evidence.throws[FIXED].values
-    gap = math.degrees(values[of.BEST_ANGLE] - values[of.FASTEST_ANGLE])
-    at_home = Cause(
-        True,
+    fastest = math.degrees(values[of.FASTEST_ANGLE])
+    gap = math.degrees(values[of.BEST_ANGLE]) - fastest
+    said = (
         f"on the Earth without air, where Sec. IV finds the two at one angle, they are {gap:.3g} "
-        "deg apart, and gravity alone changes nothing in that",
-    )
-    reason = (
-        f"what passes as the same in Sec. IV: the turn in a step of {TIME_STEP:g} s on the Earth "
-        "without air"
+        f"deg apart as well: the velocity turns {turned:.3g} deg in a step of {TIME_STEP:g} s, and "
+        "gravity alone changes nothing in that"
     )
     for printed in study.printed:
         if printed.gravity == evidence.parameters.g:
@@ -312,15 +309,16 @@ def _elsewhere(study: DragStudy, reading: Reading, evidence: Evidence) -> Iterat
             if printed.density == 0
             else (fit.common_angle, _area(reading))
         )
-        angle = f"{math.degrees(best):.4f}"
+        angle = math.degrees(best)
+        at_home = Cause(abs(angle - fastest) <= turned, said)
         yield Row(
             f"largest speed at another angle, {printed.world}",
             _SEC,
             f"not {printed.printed}°",
             "angle of the velocity where the projectile is fastest; that of the best release is "
-            f"{angle} deg ({drag})",
+            f"{angle:.4f} deg ({drag})",
             of.FASTEST_ANGLE.of(FIXED).times(180 / math.pi, "deg"),
-            lambda q, _, angle=angle: distinguishable(q, angle, turned, reason, [at_home]),
+            lambda q, _, best=f"{angle:.4f}", note=at_home: differs(q, best, [note]),
             FIXED,
             fact="largest speed at another angle, moon",
         )
