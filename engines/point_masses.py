@@ -43,7 +43,8 @@ class NoPointMasses:
 
     Joints, stops, force elements, markers and coordinates are those of the mechanism; masses,
     inertias and centres of mass of its bodies are others, and so are the reactions of pins along
-    which mass was moved.
+    which mass was moved (:meth:`reaction` has the original's) and the zero of the potential energy
+    (:attr:`extra_potential_energy`).
 
     Args:
         original: any mechanism.
@@ -79,7 +80,12 @@ class NoPointMasses:
 
     @property
     def extra_potential_energy(self) -> float:
-        """Potential energy beyond the original's [J], a constant of mass from the ground."""
+        """Potential energy of this mechanism less that of the original one [J].
+
+        It is the same at all times: mass that was moved to a body along a pin in the ground has
+        come from the ground, and its weight acts at the pin. Subtract it from the potential
+        energy that is read from this mechanism. The kinetic energy is the original's.
+        """
         weight = np.zeros(2)
         for joint in self.original.joints:
             if joint.parent == GROUND:

@@ -22,7 +22,7 @@ import trebucheck as tb
 from plugin_engines import Echo
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.elements import GROUND, RotationalSpringDamper
-from trebucheck.models.features import Feature, refuse_features
+from trebucheck.models.features import Basic, Feature, refuse_features
 from wrong_engines import Honest, _markers, late
 
 _RUNS = count()
@@ -50,6 +50,19 @@ class Everything(Full):
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         return Echo.simulate(self, problem)
+
+
+@dataclass(frozen=True)
+class Weighty(Full):
+    """An engine that needs an inertia of every body."""
+
+    name = "weighty"
+    capabilities = replace(Echo.capabilities, lacking=frozenset({Basic.POINT_MASS}))
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        if not all(body.inertia for body in problem.mechanism.bodies):
+            raise tb.UnsupportedProblemError("weighty moves no point masses.")
+        return super().simulate(problem)
 
 
 class Accepter(Full):

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import dummy_engines
@@ -25,7 +26,7 @@ from trebucheck.conformance import plugin
 from trebucheck.conformance.certificate import badge, certificate, headline, next_steps
 from trebucheck.conformance.suite import Session, Suite, Target, _Interface
 from trebucheck.conformance.verdicts import CheckState, CheckVerdict, Conformance, Deviations
-from trebucheck.engines.registry import ANNOUNCED
+from trebucheck.engines.registry import ANNOUNCED, announce
 from trebucheck.models.spec import schema_text
 
 TESTS = Path(__file__).parents[1]
@@ -566,6 +567,18 @@ def test_the_skeleton_is_whole_and_red_in_its_first_step(
         "release-once law of the "
         "stops"
     }
+
+
+@pytest.mark.parametrize("step", ["test_1", "test_2", "test_3", "test_4", "test_5"])
+def test_the_skeletons_steps_need_no_point_masses(step: str, tmp_path: Path) -> None:
+    """Each is green for an engine that needs an inertia of every body."""
+    assert main(["plugin", "new", "my-engine", "--out", str(tmp_path / "new")]) == 0
+    text = (tmp_path / "new" / "tests" / "test_my_engine.py").read_text()
+    announce("dummy_engines:Weighty")
+    written: dict[str, Any] = {}
+    exec(text.replace("my-engine", "weighty"), written)
+    (test,) = (written[name] for name in written if name.startswith(step))
+    test(tb)
 
 
 @pytest.fixture
