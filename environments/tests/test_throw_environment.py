@@ -50,6 +50,29 @@ def test_gymnasium_has_nothing_to_complain_of() -> None:
     )  # warnings are errors here
 
 
+@pytest.mark.parametrize(
+    "before",
+    [
+        f"name = {NAME!r}",
+        "import trebucheck_environments; name = 'trebucheck/Throw-v0'",
+        "import trebucheck_environments; gymnasium.register_envs(trebucheck_environments); "
+        "name = 'trebucheck/Throw-v0'",
+    ],
+    ids=["the module before the colon", "imported", "registered"],
+)
+def test_gymnasium_finds_the_task(before: str) -> None:
+    """In a process of its own: Gymnasium reads no entry points since 1.0, but imports a module."""
+    code = f"""
+import gymnasium
+{before}
+env, two = gymnasium.make(name, model="catapult"), gymnasium.make_vec(name, 2, model="catapult")
+print(env.spec.id, env.reset(seed=1)[0].shape, two.reset(seed=1)[0].shape)
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.split(maxsplit=1) == ["trebucheck/Throw-v0", "(5,) (2, 5)\n"], done.stderr
+
+
 @pytest.mark.slow
 def test_a_process_that_never_imported_the_package_makes_it_and_draws_it() -> None:
     """The machine before and after its release, and the whole flight.

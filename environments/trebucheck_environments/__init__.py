@@ -2,8 +2,8 @@
 
 >>> env = gymnasium.make("trebucheck_environments:trebucheck/Throw-v0")  # doctest: +SKIP
 
-Gymnasium has had no plug-ins since version 1.0: the part before the colon names the module that it
-imports first.
+Gymnasium has read no entry points of packages since version 1.0: the part before the colon names
+the module that it imports first. After an import of this package the name is "trebucheck/Throw-v0".
 """
 
 from __future__ import annotations
