@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from os import PathLike
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeGuard, cast
 
 from ..errors import InputError
 from ..mechanism import Mechanism
@@ -34,6 +34,8 @@ Model = str | PathLike[str] | Mechanism | Problem
 """Name of a machine, name or number of a problem of the library, path of a mechanism's .json file,
 a mechanism, or a problem."""
 Models = Model | Iterable[Model]
+Start = float | Sequence[float] | Mapping[str, float]
+"""Values of all coordinates in their order, or of some by name."""
 
 _LISTED = "a name, the path of a .json file, a Mechanism or a Problem"
 
@@ -161,19 +163,72 @@ def model_of(given: Model, parameters: Spec | None = None) -> Mechanism | Proble
     return entry.problem(values) if isinstance(entry, Benchmark) else entry.build(values)
 
 
-def model(given: Model, parameters: Spec | None = None) -> Mechanism:
+def model(
+    given: Model,
+    parameters: Spec | None = None,
+    *,
+    start: Start | None = None,
+    start_speeds: Start | None = None,
+    **values: float,
+) -> Mechanism:
     """A mechanism by its name, from its file, or of a problem.
+
+        >>> from trebucheck.models.library.registry import model
+        >>> model("double-pendulum", length=0.5, start={"a1": 1.2}).start
+        (1.2, -0.5)
 
     Args:
         given: name of a machine, name or number of a problem, path of a mechanism's .json file, a
             mechanism, or a problem.
         parameters: of what is given by name; their defaults if left out.
+        start: coordinates at t = 0 [rad or m], all in their order or some by name; a number is the
+            parameter of that name, or the one coordinate. Those of the model if left out.
+        start_speeds: their speeds [rad/s or m/s], likewise.
+        values: parameters by name, over those of `parameters`.
 
     Raises:
-        InputError: as :func:`model_of`.
+        InputError: as :func:`model_of`, or a name or a value is not valid.
     """
-    made = model_of(given, parameters)
-    return made.mechanism if isinstance(made, Problem) else made
+    is_parameter = _is_named(given) and "start" in _fields(given)
+    if is_parameter and start is not None and not isinstance(start, Iterable):
+        values, start = {**values, "start": start}, None
+    made = model_of(given, _with_values(given, parameters, values))
+    mechanism = made.mechanism if isinstance(made, Problem) else made
+    at_rest = (0.0,) * len(mechanism.coordinates)
+    changed: dict[str, Any] = {}
+    if start is not None:
+        changed["start"] = _of_coordinates("start", start, mechanism, mechanism.start)
+    if start_speeds is not None:
+        before = mechanism.start_speeds or at_rest
+        changed["start_speeds"] = _of_coordinates("start_speeds", start_speeds, mechanism, before)
+    return Mechanism(**{**mechanism.model_dump(), **changed}) if changed else mechanism
+
+
+def _with_values(given: Model, parameters: Spec | None, values: dict[str, float]) -> Spec | None:
+    """Parameters with some of them changed by name."""
+    if parameters is not None and values:
+        _refuse_other_fields(given, values)
+        return type(parameters)(**{**parameters.model_dump(), **values})
+    return named_parameters(given, values) or parameters
+
+
+def _of_coordinates(
+    what: str, given: Start, mechanism: Mechanism, before: tuple[float, ...]
+) -> tuple[object, ...]:
+    """Values of all coordinates in their order; those of the mechanism where none is given."""
+    names = mechanism.coordinates
+    if isinstance(given, Mapping):
+        for name in given:
+            if name not in names:
+                raise _unknown("coordinate", str(name), names, ", ".join(names))
+        return tuple(given.get(name, value) for name, value in zip(names, before, strict=True))
+    values = tuple(given) if isinstance(given, Iterable) else (given,)
+    if len(values) != len(names):
+        raise InputError(
+            f"{what} has {len(values)} values; {mechanism.name!r} needs {len(names)}: "
+            f"{', '.join(names)}."
+        )
+    return values
 
 
 def library_problem(name: str, parameters: Spec | None = None) -> Problem | None:
@@ -209,12 +264,36 @@ def named_parameters(given: Model, parameters: dict[str, float]) -> Spec | None:
     """
     if not parameters:
         return None
-    if not isinstance(given, str) or given.endswith(".json"):
+    _refuse_other_fields(given, parameters)
+    return parameters_type(str(given))(**parameters)
+
+
+def _refuse_other_fields(given: Model, values: Iterable[str]) -> None:
+    """Raises InputError for a name that is no parameter of a model, or a model without a name."""
+    if not _is_named(given):
         raise InputError(
-            f"{', '.join(parameters)}: only a named model has parameters; this is a mechanism as "
-            "it is."
+            f"{', '.join(values)}: only a named model has parameters; this is a mechanism as it is."
         )
-    return parameters_type(given)(**parameters)
+    fields = _fields(given)
+    for name in values:
+        if name not in fields:
+            close = get_close_matches(name, [*fields, *_START], n=1)
+            hint = f" (did you mean {close[0]!r}?)" if close else ""
+            known = ", ".join(fields)
+            raise InputError(f"model {given!r} has no parameter {name!r}{hint}; it has: {known}.")
+
+
+_START = ("start", "start_speeds")  # keywords for any model
+
+
+def _is_named(given: Model) -> TypeGuard[str]:
+    """Tell whether a model is given by its name."""
+    return isinstance(given, str) and not given.endswith(".json")
+
+
+def _fields(name: str) -> tuple[str, ...]:
+    """Names of the parameters of a machine or problem."""
+    return tuple(parameters_type(name).model_fields)
 
 
 # --- Problems of the library

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trebucheck as tb
 from conftest import again
@@ -116,6 +117,22 @@ def test_a_model_is_taken_however_it_is_given(kind: str, tmp_path: Path) -> None
         assert tb.mjcf(given, keyframes=False, timestep=1e-3).startswith("<")
 
 
+def test_parameters_and_the_start_of_a_model_are_keywords(tmp_path: Path) -> None:
+    pendulum = tb.model("double-pendulum")
+    assert pendulum.start == (-0.5, -0.5)
+    assert tb.model("double-pendulum", start=1.0).start == (1.0, 1.0)  # its parameter
+    assert tb.model("double-pendulum", start=[1.0, 0.2]).start == (1.0, 0.2)
+    moving = tb.model("double-pendulum", start={"a2": 2.0}, start_speeds={"a1": 3.0}, length=2.0)
+    assert (moving.start, moving.start_speeds) == ((-0.5, 2.0), (3.0, 0.0))
+    assert moving.bodies[0].centre == (1.0, 0.0)
+    (tmp_path / "own.json").write_text(moving.to_json())
+    for given in (moving, tmp_path / "own.json"):
+        assert tb.model(given, start=np.array([0.1, 0.2])).start == (0.1, 0.2)
+        assert tb.model(given) == moving
+    long = tb.TrebuchetParameters(l1=9.5, l2=4.2)
+    assert tb.model("fixed", tb.TrebuchetParameters(l2=4.2), l1=9.5) == tb.fixed(long)
+
+
 @pytest.mark.parametrize("kind", ENGINES)
 def test_an_engine_is_taken_however_it_is_given(kind: str) -> None:
     found = tb.compare("pendulum", ENGINES[kind], presets="assisted", **SHORT)
@@ -175,6 +192,14 @@ def test_throws_and_certificates_take_names() -> None:
         (lambda: tb.compare(3), "3 is no model; a name, "),  # pyright: ignore
         (lambda: tb.compare("fixed", [3]), "3 is no engine; there are: reference, "),  # pyright: ignore
         (lambda: tb.model(["fixed", "rolling"]), "2 models are given; one is needed"),  # pyright: ignore
+        (lambda: tb.model("double-pendulum", strat=1.0), "'strat' .did you mean 'start'.*has: N,"),
+        (lambda: tb.model("double-pendulum", start=(1.0,)), "1 values; .* needs 2: a1, a2"),
+        (lambda: tb.model("double-pendulum", start={"b": 1.0}), "'b'; there are: a1, a2"),
+        (lambda: tb.model("double-pendulum", start=(1.0, "x")), "start.1 = 'x'"),  # pyright: ignore
+        (lambda: tb.model("double-pendulum", start_speeds=3.0), "start_speeds has 1 values"),
+        (lambda: tb.model("fixed", start=(0.0, 1.0, 2.0)), "'hanger rest' is closed, but"),
+        (lambda: tb.model(tb.fixed(), l1=9.0), "l1: only a named model has parameters"),
+        (lambda: tb.mjcf("fixed", l9=1.0), "model 'fixed' has no parameter 'l9'.*has: l1, l2"),
         (lambda: tb.check("mujoco", "absent.json"), "absent.json"),
         (lambda: tb.explain("fixed", "mujoco", "t"), "no preset 't'; there are: "),
         (lambda: tb.converge("fixed", "mujoco", knobs="k"), "'k'"),
