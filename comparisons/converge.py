@@ -490,7 +490,7 @@ def floor(site: Site, uncertainty: float, finer: Sequence[tuple[float, float]] =
         effects = [f"{refinement.description} leaves {share:.2g}" for share, refinement in lowered]
         return because(lowered[0][1].cause, "; ".join(effects[:_NAMED]))
     nothing = f"none of {measured} other knobs, turned one notch, lowers it by a fifth"
-    if engine_study(site.engine).single_precision:
+    if engine_study(site.engine).single_precision(site.settings):
         rounds = f"{nothing}; it rounds to {_SINGLE:.1e}, as its study says"
         return because("single precision", rounds)
     return because("not found", nothing)

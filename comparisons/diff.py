@@ -26,6 +26,7 @@ from ..models.spec import Real, Spec
 from .compare import Comparison, read_results
 from .runs.quantities import QUANTITIES, metric_label
 from .runs.results import COMPARED, Diagnosis, Machine, Metric, Outcome, Results, Run
+from .runs.tolerances import rounding_floor
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
@@ -561,18 +562,9 @@ def _unknown(metric: Metric, run: Run, machine: Machine) -> float:
     stated = machine.reference_uncertainty
     unknown = stated.get(metric.label, stated.get(metric.name, 0.0))
     unknown = unknown + (metric.sampling_error or 0.0)
-    quantity = QUANTITIES.get(metric.name)
-    if quantity is None or (
-        quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques
-    ):
+    if metric.name not in QUANTITIES:
         return unknown
-    # Rounding of one part of the scale in each step: a random walk, carried on.
-    scales = machine.scales_for(invariant=quantity.invariant)
-    if quantity.scale == "energy":
-        scale = scales.largest_energy
-    else:
-        scale = quantity.scale_of(scales, metric.subject, machine.mechanism)
-    return unknown + _EPS * math.sqrt(max(run.steps, 1)) * max(machine.stretching, 1.0) * scale
+    return unknown + rounding_floor(metric, run, machine)
 
 
 def _reference_changes(old: Machine, new: Machine) -> Iterator[ReferenceChange]:

@@ -280,8 +280,8 @@ class EngineStudy:
     tolerances: tuple[Tolerance, ...] = ()
     snippets: _Snippets = lambda _engine, _mechanism, _duration: {}
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
-    single_precision: bool = False
-    """Whether its state, or what moves it, is rounded to single precision, whatever its options."""
+    single_precision: Callable[[Options], bool] = lambda _: False
+    """Whether its state, or what moves it, is rounded to single precision with these options."""
     colour: str | None = None  # in plots, as '#rrggbb'; None: one follows from the engine's name
 
 

@@ -73,8 +73,9 @@ class MetricKind:
     name: str  # of the metric in results
     title: str  # for users, in `--tolerance` as well
     scale: str
-    """Field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its gap's,
-    'base error' for what the stretching at the predictability horizon makes one of, '' for none."""
+    """Its range: a field of :class:`Scales`; 'stop' for that of the stop it is about, 'gap' for its
+    gap's, 'base error' for what the stretching at the predictability horizon makes one of, '' for
+    none."""
     follows: str | None = None  # metric from which it follows, and which is judged in its place
     invariant: bool = False  # whether it is judged beyond the predictability horizon
     event: bool = False  # whether it is the time of an event
@@ -101,7 +102,7 @@ class MetricKind:
         if subject is not None and self.scale == "stop":
             return scales.torques[subject]
         if subject is not None and self.scale == "gap":
-            return scales.angle if mechanism.stop(subject).gap_unit == "rad" else scales.length
+            return scales.turn if mechanism.stop(subject).gap_unit == "rad" else scales.way
         if self.scale in ("impulse", "momentum"):
             turns = subject is not None and mechanism.stop(subject).effort == "torque"
             return scales.mass * scales.speed * (scales.length if turns else 1.0)
@@ -111,13 +112,25 @@ class MetricKind:
             return 1.0 / LIMIT
         return float(getattr(scales, self.scale)) if self.scale else 1.0
 
+    def size_of(self, scales: Scales, subject: str | None, mechanism: Mechanism) -> float:
+        """Size of the numbers that it is computed from, of which rounding errors are parts."""
+        if self.scale == "way":
+            return scales.length
+        if self.scale == "turn":
+            return scales.angle
+        if self.scale == "gap" and subject is not None:
+            return scales.angle if mechanism.stop(subject).gap_unit == "rad" else scales.length
+        if self.scale == "energy":
+            return scales.largest_energy
+        return self.scale_of(scales, subject, mechanism)
+
 
 _ALL = (
-    MetricKind("position_max", "position", "length", of="marker"),
-    MetricKind("position_rms", "position (mean square)", "length", follows="position_max"),
+    MetricKind("position_max", "position", "way", of="marker"),
+    MetricKind("position_rms", "position (mean square)", "way", follows="position_max"),
     MetricKind("velocity_max", "speed", "speed", of="marker"),
-    MetricKind("angle_max", "angle", "angle", of="angle"),
-    MetricKind("slide_max", "slide", "length", of="slide"),
+    MetricKind("angle_max", "angle", "turn", of="angle"),
+    MetricKind("slide_max", "slide", "way", of="slide"),
     MetricKind("angular_speed_max", "angular-speed", "angular_speed", of="angle"),
     MetricKind("slide_speed_max", "slide-speed", "speed", of="slide"),
     MetricKind("launch_time", "launch-time", "time", event=True),
@@ -142,7 +155,7 @@ _ALL = (
     MetricKind("stop_gap_held", "stop-gap", "gap", of="closed stop"),
     MetricKind("stop_penetration", "penetration", "gap", of="stop"),
     MetricKind("complementarity", "complementarity", "gap", follows="stop_penetration"),
-    MetricKind("joint_gap_max", "joint-gap", "length", invariant=True, of="joint"),
+    MetricKind("joint_gap_max", "joint-gap", "way", invariant=True, of="joint"),
     MetricKind("base_error", "base-error", "base error"),
     MetricKind("first_parting", "first-parting", "time", follows="base_error"),
     MetricKind("missing_time", "duration", "time"),

@@ -156,7 +156,7 @@ class Metric(OnSubject, Spec):
     follows: str | None = Field(default=None, description="metric that is judged in its place")
     tolerance: Real | None = None
     source: Literal["need", "claim", "default"] | None = Field(
-        default=None, description="the user's need, the engine's claim, or the default"
+        default=None, description="the user's need, the claim of an assisted run, or the default"
     )
     reason: str | None = Field(default=None, description="where the tolerance comes from")
     note: str | None = None

@@ -201,9 +201,7 @@ def reference_uncertainties(
             continue
         if metric.name in launch:
             metric = metric.model_copy(update={"value": launch[metric.name]})
-        rounded = scales.largest_energy
-        if QUANTITIES[metric.name].scale != "energy":
-            rounded = QUANTITIES[metric.name].scale_of(scales, metric.subject, mechanism)
+        rounded = QUANTITIES[metric.name].size_of(scales, metric.subject, mechanism)
         value = _SAFETY * _distance(metric, scales, solution) + _ROUNDING * rounded
         estimated[metric.label] = value
         estimated[metric.name] = max(estimated.get(metric.name, 0.0), value)

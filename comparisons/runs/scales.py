@@ -1,17 +1,19 @@
 """Scales of a compared motion: differences are measured in parts of them, without units.
 
-Lengths are parts of the mechanism's size, times of its characteristic time, speeds and forces of
-the largest ones of the reference, energies of what the motion exchanges: an energy has an arbitrary
-zero, its change has none. Each scale has a least value, so that a mechanism at rest, or a joint
-without load, can be judged as well.
+Positions are parts of the longest way of a point, angles of the largest turn, times of the
+characteristic time, speeds and forces of the largest ones of the reference, energies of what the
+motion exchanges: an energy has an arbitrary zero, its change has none. Each scale has a least
+value, so that a mechanism at rest, or a joint without load, can be judged as well.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any, cast
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ...models.applied_forces import AppliedForces
 from ...models.arrays import BoolArray, FloatArray
@@ -51,6 +53,11 @@ class Scales(Spec):
     # body, if that is longer
     length: Positive = Field(description="sum of lengths of bodies and of slides on bodies [m]")
     angle: Positive = Field(default=1.0, description="[rad]")
+    way: Positive = Field(
+        description="longest of any marker, centre of mass and slide: diagonal of the rectangle "
+        "around its path [m]"
+    )
+    turn: Positive = Field(description="largest of any angle, or way over length if more [rad]")
     time: Positive = Field(
         description="characteristic time: least of length over speed, sqrt(length / gravity), "
         "sqrt(mass / stiffness) of each spring and ten times the end [s]"
@@ -64,6 +71,16 @@ class Scales(Spec):
     torques: dict[str, Positive] = Field(description="largest of each stop [N m, N on a point]")
     energy: Positive = Field(description="largest kinetic, plus change of potential [J]")
     largest_energy: NonNegative = Field(description="largest energies, whatever their zero [J]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_earlier(cls, fields: Any) -> Any:
+        """Take a file of a release whose positions and angles were parts of length and angle."""
+        if not isinstance(fields, Mapping):
+            return fields
+        given = dict(cast("Mapping[str, Any]", fields))
+        earlier = {"way": given.get("length"), "turn": given.get("angle", 1.0)}
+        return {**earlier, **given}
 
 
 def size(mechanism: Mechanism) -> float:
@@ -110,8 +127,12 @@ def scales_until(solution: Solution, end: float) -> Scales:
     kinetic, potential = reference.kinetic_energy, reference.potential_energy
     energies = float(np.abs(kinetic).max() + np.abs(potential).max() + mass * gravity * length)
     exchanged = float(kinetic.max()) + float(np.ptp(potential))
+    way = max(_way(reference), _LEAST * length)
+    turned = np.ptp(reference.q[:, : len(mechanism.angles)], axis=0).max(initial=0.0)
     return Scales(
         length=length,
+        way=way,
+        turn=max(float(turned), way / length),
         time=min(times),
         speed=speed,
         angular_speed=max(turn, speed / length),
@@ -162,6 +183,18 @@ def _length(reference: Trajectory) -> float:
             between = kinematics.between(body, point, other, other_point)
             lengths.append(_largest(kinematics.position(between, reference.q)))
     return max(lengths) or float(ways.max(initial=0.0)) or 1.0
+
+
+def _way(reference: Trajectory) -> float:
+    """Longest way of any marker, centre of mass or slide [m]."""
+    kinematics, mechanism = reference.kinematics, reference.mechanism
+    paths = [marker.position for marker in reference.markers.values()]
+    for body in mechanism.bodies:
+        centre = kinematics.point(body.name, body.centre)
+        paths.append(kinematics.position(centre, reference.q))
+    ways = [float(np.linalg.norm(np.ptp(path, axis=0))) for path in paths]
+    slides = np.ptp(reference.q[:, len(mechanism.angles) :], axis=0)
+    return max(*ways, float(slides.max(initial=0.0)))
 
 
 def _spring_time(mechanism: Mechanism, element: AnyForceElement) -> float:

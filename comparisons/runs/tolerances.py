@@ -1,14 +1,24 @@
-"""Tolerances of the metrics of a run: a user's need, the engine's claim, or a default.
+"""Tolerances of the metrics of a run: a user's need, or a share of the quantity's range.
 
-* A **need** is stated by whoever asks, in the quantity's unit or in parts of its scale ('0.1%').
-* A **claim** is an engine's own (`engines/<name>/study.py`), stated for a step on the fixed machine
-  of Table I up to its launch. On another machine, and beyond the launch, it is the same part of the
-  scale, at the same part of the characteristic time; it grows with the engine's order in the step
-  and with the motion's stretching (:mod:`.stretching`), which multiplies every error.
-* The **default** holds for every engine and preset: three digits of the scale. No claim is looser.
+* A **need** is stated by whoever asks, in the quantity's unit or in parts of its range ('0.1%').
+* The **default** is the same for every engine and preset: a thousandth of the quantity's range on
+  that problem, and no less than the engine's number format can carry::
 
-A tolerance finer than ten times the reference's own uncertainty cannot be judged, unless the error
-is larger than both.
+      tolerance = max(share * range, floor),  floor = eps * size * sqrt(steps) * stretching
+
+  with eps of single or double precision, the size of the numbers that the quantity is computed
+  from, the steps of the run, and the growth of a small error (:mod:`.stretching`). An engine that
+  does not locate events has its step beside it.
+
+Where a default tolerance is wider than the range itself, holding it would say nothing: the quantity
+is not judged. Nor is it where the tolerance is finer than ten times the reference's own
+uncertainty, unless the error is larger than both.
+
+A **claim** is an accuracy that trebucheck states for an assisted run (`engines/<name>/study.py`),
+at a step on the fixed machine of Table I up to its launch. It replaces a looser default there. On
+another machine, and beyond the launch, it is a hundred times the same part of the range, at the
+same part of the characteristic time; it grows with the engine's order in the step and with the
+motion's stretching. An engine by itself is held to the default.
 """
 
 from __future__ import annotations
@@ -19,6 +29,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal, Self
+
+import numpy as np
 
 from ...engines.registry import engine_class, engine_study
 from ...engines.study import Tolerance
@@ -37,7 +49,7 @@ from .scales import Scales, scales_until
 from .stretching import PARTED, stretching_at
 
 DEFAULT = PARTED
-"""Default tolerance in parts of the scale."""
+"""Default tolerance in parts of the range."""
 _EVERYTHING = "default"
 _LOCATES = ("locate_releases", "located_releases")  # options by which engines locate events
 _OTHER_MACHINES = 10.0  # allowance beside Table I for a tolerance in plain units
@@ -258,6 +270,11 @@ def _judged(metric: Metric, run: Run, machine: Machine, needs: Needs) -> Metric:
         reason = f"{applied.reason}; raised to ten times the reference's uncertainty"
         applied = AppliedTolerance(least, "claim", reason)
     refused = refusal(metric.name, metric.subject, applied.value, uncertainty)
+    if refused is None and applied.source == "default" and applied.value > scale:
+        refused = (
+            f"the tolerance {applied.value:.2g} {metric.unit} would be wider than the motion: "
+            f"{applied.reason}; it cannot be judged"
+        )
     # Whether the error is beyond the tolerance by more than the reference can be wrong. An event
     # that only one of the two has is, unless the reference itself does not know whether it has it.
     surely_broken = unknown < scale
@@ -291,7 +308,7 @@ def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Met
 def _applied(
     metric: Metric, quantity: MetricKind, scale: float, run: Run, machine: Machine, needs: Needs
 ) -> AppliedTolerance:
-    """The user's need, else the engine's claim, unless the default is tighter."""
+    """The user's need, else the claim of an assisted run, unless the default is tighter."""
     given, need, unresolved = run.settings.get("timestep"), needs.need(metric), ""
     step = float(given) if isinstance(given, int | float) else None
     if metric.name == "impact_time" and step is not None:
@@ -300,7 +317,12 @@ def _applied(
         value = need.value * (scale if need.relative else 1.0)
         return AppliedTolerance(value, "need", f"{need.text} was asked for{unresolved}")
     part = DEFAULT if needs.default is None else needs.default.value
-    value, reason = part * scale, f"{100 * part:g} % of {scale:.4g} {metric.unit}, for every engine"
+    value = part * scale
+    reason = f"{100 * part:g} % of the range {scale:.4g} {metric.unit}, for every engine"
+    floor = rounding_floor(metric, run, machine)
+    if floor > value:
+        value = floor
+        reason = f"its {_format_of(run)} numbers carry no less; {reason}"
     located = engine_class(run.engine).capabilities.located_releases
     located = located and all(run.settings.get(option, True) for option in _LOCATES)
     if quantity.event and step is not None and not located:
@@ -310,11 +332,32 @@ def _applied(
     claim = None
     if needs.default is None and step is not None:
         claim = _claim(metric, quantity, scale, run, machine, step)
-    if claim is not None and claim.value <= value:
+    if claim is not None and floor < claim.value <= value:
         return claim
     if claim is not None:
-        reason += f"; the engine's claim is looser: {claim.reason}"
+        reason += f"; the claim is looser, or finer than its numbers: {claim.reason}"
     return AppliedTolerance(value, "default", reason)
+
+
+def _format_of(run: Run) -> str:
+    is_single = engine_study(run.engine).single_precision(run.settings)
+    return "single-precision" if is_single else "double-precision"
+
+
+def rounding_floor(metric: Metric, run: Run, machine: Machine) -> float:
+    """Least error that the numbers of an engine can carry, in the metric's unit.
+
+    One rounding error of the numbers that the quantity is computed from in each step, a random
+    walk, carried on by the motion.
+    """
+    quantity = QUANTITIES[metric.name]
+    if quantity.scale in ("stop", "gap") and metric.subject not in machine.scales.torques:
+        return 0.0
+    scales = machine.scales_for(invariant=quantity.invariant)
+    size = quantity.size_of(scales, metric.subject, machine.mechanism)
+    is_single = engine_study(run.engine).single_precision(run.settings)
+    eps = float(np.finfo(np.float32 if is_single else np.float64).eps)
+    return eps * size * math.sqrt(max(run.steps, 1)) * max(machine.stretching, 1.0)
 
 
 def _claim(

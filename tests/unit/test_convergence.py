@@ -232,7 +232,7 @@ def test_a_floor_is_set_by_what_moves_it() -> None:
 
 def test_a_floor_that_nothing_moves_is_called_that(monkeypatch: pytest.MonkeyPatch) -> None:
     assert floor(_site({}), 0.0).cause == "not found"
-    single = replace(engine_study("mujoco"), single_precision=True)
+    single = replace(engine_study("mujoco"), single_precision=lambda _: True)
     monkeypatch.setattr(floors, "engine_study", lambda _: single)
     found = floor(_site({}), 0.0)
     assert found.cause == "single precision" and "rounds to 6.0e-08" in found.evidence

@@ -15,7 +15,7 @@ STUDY = EngineStudy(
         "stock": EULER_STEPS,
     },
     option_sets=(STOCK_SET, TUNED_SET),
-    single_precision=True,
+    single_precision=lambda _: True,
     tolerances=(
         Tolerance(
             "tuned",
