@@ -209,14 +209,14 @@ class Unmade(Everything):
         return {"step": self.timestep}
 
 
-class OnePreset(Everything):
-    """Has no default preset."""
+class OwnPreset(Everything):
+    """Has a preset of a name of its own alone."""
 
-    name = "one-preset"
+    name = "own-preset"
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., tb.Engine]]:
-        return {"assisted": cls}
+        return {"best": cls}
 
 
 class Versionless(Everything):

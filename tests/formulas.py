@@ -28,6 +28,8 @@ RELEASE, TURN, ARM = 0.5, 1.0, 2.0
 LAUNCH = RELEASE + math.pi / 4 / TURN
 """The tip moves straight up at first, and so at 45 degrees after an eighth of a turn [s]."""
 END = 1.5
+WAY = ARM * math.hypot(1 - math.cos(END - RELEASE), math.sin(END - RELEASE))
+"""Diagonal of the rectangle around the path of the tip, which turns by a radian [m]."""
 
 REST = Stop(name="rest", body="arm", sense=1, limit=math.pi, closed=True)
 BUFFER = Stop(name="buffer", body="arm", sense=-1, limit=-10.0, closed=False)

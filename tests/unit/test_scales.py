@@ -13,7 +13,7 @@ import mechanisms
 import numpy as np
 import pytest
 import trebucheck as tb
-from formulas import ARM, END, TURN, Formula, trolley
+from formulas import ARM, END, TURN, WAY, Formula, trolley
 from trebucheck.comparisons.runs import stretching as stretchings
 from trebucheck.comparisons.runs import study
 from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, judged_quantity
@@ -202,8 +202,9 @@ def test_scales_of_a_small_trebuchet_are_the_same_parts() -> None:
         for m, end in ((small, 0.4 * math.sqrt(s)), (tb.fixed(), 0.4))
     )
     powers = {
-        "length": 1, "angle": 0, "time": 0.5, "speed": 0.5, "angular_speed": -0.5, "mass": 3,
-        "force": 3, "energy": 4, "largest_energy": 4,
+        "length": 1, "angle": 0, "way": 1, "turn": 0, "time": 0.5,
+        "speed": 0.5, "angular_speed": -0.5, "mass": 3, "force": 3,
+        "energy": 4, "largest_energy": 4,
     }  # fmt: skip
     torques, own = expected.pop("torques"), found.pop("torques")
     assert found == pytest.approx({k: v * s ** powers[k] for k, v in expected.items()}, rel=1e-6)
@@ -230,10 +231,10 @@ def _scale(name: str, subject: str | None = None) -> float:
 def test_each_quantity_is_measured_in_its_own_scale() -> None:
     time = math.sqrt(1 / 3)
     found = {
-        ("position_max", "hook"): 3.0,
+        ("position_max", "hook"): WAY,
         ("velocity_max", "hook"): 2.0,
         ("angle_max", "beta"): 1.0,
-        ("slide_max", "s"): 3.0,
+        ("slide_max", "s"): WAY,
         ("angular_speed_max", "beta"): 1.0,
         ("slide_speed_max", "s"): 2.0,
         ("launch_time", None): time,
@@ -252,8 +253,8 @@ def test_each_quantity_is_measured_in_its_own_scale() -> None:
         ("energy_balance", None): 150.0,
         ("horizontal_momentum", None): 10.0,
         ("stop_gap_held", "rest"): 1.0,
-        ("stop_penetration", "wall"): 3.0,
-        ("joint_gap_max", "pivot"): 3.0,
+        ("stop_penetration", "wall"): WAY,
+        ("joint_gap_max", "pivot"): WAY,
         ("missing_time", None): time,
         ("unseen_time", None): time,
         ("energy_drift", None): 1.0,

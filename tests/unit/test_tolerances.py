@@ -14,7 +14,7 @@ import mechanisms
 import numpy as np
 import pytest
 import trebucheck as tb
-from formulas import END, Formula, times, trolley
+from formulas import END, WAY, Formula, times, trolley
 from trebucheck.comparisons.runs import runner as running
 from trebucheck.comparisons.runs import tolerances as module
 from trebucheck.comparisons.runs.metrics import measure
@@ -91,7 +91,14 @@ POSITION = _metric("position_max", "hook")
 
 @pytest.mark.parametrize(
     ("given", "tolerance"),
-    [(1e-4, 1e-4), ("2e-4", 2e-4), ("0.5%", 0.015), (" 10 % ", 0.3), (3, 3.0), (1, 1.0)],
+    [
+        (1e-4, 1e-4),
+        ("2e-4", 2e-4),
+        ("0.5%", 0.005 * WAY),
+        (" 10 % ", 0.1 * WAY),
+        (3, 3.0),
+        (1, 1.0),
+    ],
 )
 def test_a_need_is_in_the_quantitys_unit_or_in_parts_of_its_scale(
     given: Any, tolerance: float
@@ -134,7 +141,7 @@ def test_a_need_of_one_subject_goes_before_that_of_all() -> None:
     assert _judged(_metric("position_max", "projectile"), needs=needs).tolerance == 1e-2
     other = _judged(_metric("velocity_max", "hook", unit="m/s"), needs=needs)
     assert other.tolerance == pytest.approx(0.02) and other.source == "default"
-    assert other.reason == "1 % of 2 m/s, for every engine"
+    assert other.reason == "1 % of the range 2 m/s, for every engine"
     assert _judged(POSITION, needs={"position_max": 1e-3}).tolerance == 1e-3
     assert _judged(POSITION, needs={"position:projectile": 1e-9}).source == "default"
 
@@ -209,11 +216,11 @@ def test_every_quantity_has_a_default_of_a_thousandth_of_its_scale() -> None:
     }
     expected = {
         "missing_time": TIME,
-        "position_max (hook)": 3.0,
+        "position_max (hook)": WAY,
         "velocity_max (hook)": 2.0,
         "angle_max (beta)": 1.0,
         "angular_speed_max (beta)": 1.0,
-        "slide_max (s)": 3.0,
+        "slide_max (s)": WAY,
         "slide_speed_max (s)": 2.0,
         "launch_time": TIME,
         "launch_speed": 2.0,
@@ -231,7 +238,9 @@ def test_every_quantity_has_a_default_of_a_thousandth_of_its_scale() -> None:
         {label: 1e-3 * scale for label, scale in expected.items()}
     )
     assert {metric.source for metric in judged.values()} == {"default", None}
-    assert judged["position_max (hook)"].reason == "0.1 % of 3 m, for every engine"
+    assert (
+        judged["position_max (hook)"].reason == f"0.1 % of the range {WAY:.4g} m, for every engine"
+    )
 
 
 def test_defaults_of_a_small_machine_are_parts_of_its_scales() -> None:
@@ -265,9 +274,37 @@ def test_an_engine_that_does_not_locate_events_may_be_late_by_its_step() -> None
             1e-3 * TIME
         )
         assert _judged(POSITION, settings={**settings, option: False}).tolerance == pytest.approx(
-            3e-3
+            1e-3 * WAY
         )
         assert _judged(release, settings={option: False}).tolerance == pytest.approx(1e-3 * TIME)
+
+
+def test_no_tolerance_is_finer_than_the_numbers_of_an_engine(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One rounding of the size of the numbers in each step, at random, carried on."""
+    single = EngineStudy(single_precision=lambda settings: settings["digits"] == 6)
+    monkeypatch.setattr(module, "engine_study", lambda _: single)
+    still = SCALES.model_copy(update={"way": 1e-6})
+    machine = _machine(scales=still, stretching=5.0)
+    eps = float(np.finfo(np.float32).eps)
+
+    def judged(digits: int, value: float = 0.0, **changes: Any) -> Metric:
+        metric = _metric("position_max", "hook", value)
+        return _judged(metric, machine, settings={"digits": digits}, steps=100, **changes)
+
+    assert judged(16).tolerance == pytest.approx(1e-9)
+    # Of 3 m, a hundred times: above the whole motion of a micrometre, and so not judged.
+    floor = eps * 3.0 * 10 * 5
+    assert judged(6).tolerance is None and "wider than the motion" in str(judged(6).note)
+    assert judged(6, 2 * floor).holds is False  # which no rounding excuses
+    asked = _judged(
+        _metric("position_max", "hook"), machine, {"position": 1e-9}, settings={"digits": 6}
+    )
+    assert asked.tolerance == 1e-9  # what somebody needs is applied as it is
+    machine = machine.model_copy(update={"scales": SCALES.model_copy(update={"way": 2e-4})})
+    assert judged(6).tolerance == pytest.approx(floor)
+    assert "single-precision" in str(judged(6).reason)
 
 
 def test_figures_that_are_of_no_quantity_are_left_alone() -> None:
@@ -289,11 +326,13 @@ def test_a_tolerance_finer_than_the_reference_is_judged_only_if_surely_broken() 
         and "10 times the reference's own" in judged.note
     )
     assert judged.unjudged
-    assert _judged(_metric("position_max", "projectile"), machine).tolerance == pytest.approx(3e-3)
-    # 10 mm of uncertainty beyond a tolerance of 3 mm.
-    for value, holds in ((0.0129, None), (-0.0129, None), (0.0131, False), (-0.0131, False)):
+    assert _judged(_metric("position_max", "projectile"), machine).tolerance == pytest.approx(
+        1e-3 * WAY
+    )
+    # 10 mm of uncertainty beyond a tolerance of 1.918 mm.
+    for value, holds in ((0.0119, None), (-0.0119, None), (0.012, False), (-0.012, False)):
         assert _judged(_metric("position_max", "hook", value), machine).holds is holds
-    assert _judged(POSITION, _machine({"position_max": 2.9e-4})).holds is True
+    assert _judged(POSITION, _machine({"position_max": 1.9e-4})).holds is True
     assert _judged(POSITION, machine, {"position": 0.01}).holds is True
     assert _judged(POSITION, machine, {"position": 0.0099}).holds is None
 
@@ -343,16 +382,16 @@ def test_a_claim_holds_on_table_one_as_it_is_stated(
     assert grown.reason == "0.0001 stated at 0.001 s, grown with order 2 to 0.002 s (why)"
     capped = _judged(metric, table_one, settings={"timestep": 0.1})
     assert (
-        capped.tolerance == pytest.approx(0.026)
+        capped.tolerance == pytest.approx(1e-3 * table_one.scales.way)
         and capped.source == "default"
         and capped.reason is not None
     )
     assert capped.reason.startswith(
-        "0.1 % of 26 m, for every engine; the engine's claim is looser: 0.0001 stated"
+        f"0.1 % of the range {table_one.scales.way:.4g} m, for every engine; the claim is looser"
     )
     assert _judged(metric, table_one).source == "default"  # an engine without a step claims nothing
     assert _judged(metric, table_one, needs={"default": "1%"}, **STEP).tolerance == pytest.approx(
-        0.26
+        1e-2 * table_one.scales.way
     )
     assert _judged(metric, table_one, needs={"position": "1%"}, **STEP).source == "need"
     assert _judged(metric, table_one, preset="default", **STEP).source == "default"
@@ -382,7 +421,7 @@ def test_a_claim_is_no_finer_than_the_reference_can_vouch_for(
         raised.reason
         == "0.0001 stated at 0.001 s (why); raised to ten times the reference's uncertainty"
     )
-    assert judged(2.6e-3).tolerance == pytest.approx(0.026)
+    assert judged(2.5e-3).tolerance == pytest.approx(0.025)
     assert judged(2.7e-3).tolerance is None
     need = _judged(
         metric,
@@ -425,7 +464,9 @@ def test_a_claim_on_another_machine_is_the_same_part_of_its_scale(
     """A tenth of the size, the square root of a tenth of the time, and a hundred times as much."""
     _claiming(_claim(value=1e-6), monkeypatch=monkeypatch)
     s = table_one.scales
-    small = s.model_copy(update={"length": 2.6, "time": 0.1**0.5 * s.time})
+    small = s.model_copy(
+        update={"length": 0.1 * s.length, "way": 0.1 * s.way, "time": 0.1**0.5 * s.time}
+    )
     machine = table_one.model_copy(update={"table_one": False, "scales": small})
     metric = _metric("position_max", "projectile")
     equal = _judged(metric, machine, settings={"timestep": 0.1**0.5 * 1e-3})
@@ -583,8 +624,7 @@ def test_an_integration_that_agrees_leaves_sixty_four_roundings_of_the_scale(
     mechanism, rounding = solution.problem.mechanism, 64 * float(np.finfo(float).eps)
     for metric in measure(solution.trajectory(times(0.05, 1.0)), solution, 1.0):
         quantity = QUANTITIES[metric.name]
-        scale = quantity.scale_of(scales, metric.subject, mechanism)
-        scale = scales.largest_energy if quantity.scale == "energy" else scale
+        scale = quantity.size_of(scales, metric.subject, mechanism)
         if not metric.name.startswith(("missing_time", "energy_drift", "energy_balance")):
             assert known[metric.label] == pytest.approx(rounding * scale, rel=1e-9, abs=0), (
                 metric.label
