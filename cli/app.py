@@ -6,6 +6,7 @@ import importlib.metadata
 import os
 import shlex
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from functools import cache
@@ -137,9 +138,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
-        code = _group().main(
-            words, "trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words])
-        )
+        with warnings.catch_warnings():
+            warnings.showwarning = _noted
+            code = _group().main(
+                words, "trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words])
+            )
         sys.stdout.flush()
     except (TrebucheckError, MemoryError, OSError) as error:
         if isinstance(error, TrebucheckError):  # some are errors of the system's kinds as well
@@ -176,6 +179,11 @@ def _group() -> Any:
     """Make the commands and their options from the functions, once a process."""
     # With the options that install completion, which a group alone lacks.
     return typer.main.get_command(app)
+
+
+def _noted(message: Warning | str, *_: object, **__: object) -> None:
+    """Print what a user should know as a sentence, without the line of code that warns."""
+    print(f"note: {printable(str(message))}", file=sys.stderr)
 
 
 def _refused(sentence: str, code: int = 2) -> int:

@@ -104,7 +104,8 @@ def throw_command(call: Call) -> None:
 
 
 @command(
-    "engine model preset timestep duration until set beam option stop_law reference timeout quiet",
+    "engine model preset timestep duration until set beam option stop_law reference script timeout "
+    "quiet",
     folder("report", "NetCDF file to write, or a folder for it."),
     engine=option(
         "--engine --engines",
@@ -119,6 +120,12 @@ def throw_command(call: Call) -> None:
     reference=option(
         "--reference/--no-reference", "Say how far the run is from the reference.", bool, True
     ),
+    script=option(
+        "--script",
+        "Python file for the same run as a program of the engine alone (default, settings).",
+        Path | None,
+        metavar="FILE",
+    ),
 )
 def run_command(call: Call) -> None:
     """Simulate one machine with one engine; write its trajectory as NetCDF and print a summary.
@@ -131,12 +138,15 @@ def run_command(call: Call) -> None:
     trebucheck run --engine mujoco --model rolling --timestep 5e-4 --duration 2.6 --out rolling.nc
 
     trebucheck run --engine pymunk --preset settings --option iterations=30
+
+    trebucheck run --engine mujoco --preset default --script fixed.py
     """
     from ..comparisons.report.pages.run import run_report
     from ..comparisons.runs.process import simulate
     from ..comparisons.runs.runner import Runner, farthest
     from ..comparisons.runs.study import Study, one_end
-    from ..models.files import refuse_unwritable
+    from ..engines.registry import script_of
+    from ..models.files import refuse_unwritable, write_text
     from ..models.problem import Problem
     from ..models.trajectory import save
 
@@ -158,7 +168,12 @@ def run_command(call: Call) -> None:
     refuse_unwritable(path.parent, path.name)
     with call.worker() as worker:
         runner = Runner(mechanism, worker, end, law)
-        trajectory = worker.call(simulate, made, asked or runner.problem(made))
+        problem = asked or runner.problem(made)
+        written = {"Trajectory": path}
+        if call.script is not None:
+            write_text(call.script, script_of(made, problem))
+            written["Program"] = call.script
+        trajectory = worker.call(simulate, made, problem)
         save(trajectory, path)
         distance: Farthest | str | None = None
         if call.reference:
@@ -166,7 +181,7 @@ def run_command(call: Call) -> None:
                 distance = farthest(trajectory, runner)
             except TrebucheckError as error:  # a run is not lost with its reference
                 distance = str(error)
-    output.show(run_report(trajectory, distance), call.told, Trajectory=path)
+    output.show(run_report(trajectory, distance), call.told, **written)
 
 
 @command(

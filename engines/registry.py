@@ -17,7 +17,7 @@ from typing import Any, Protocol, cast, runtime_checkable
 
 from pydantic import JsonValue
 
-from ..models.errors import InputError
+from ..models.errors import InputError, UnsupportedProblemError
 from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
@@ -493,6 +493,18 @@ def completed(simulator: Simulator, preset: str, options: Mapping[str, Any]) -> 
     step = getattr(simulator, "timestep", settings.get("timestep"))
     cls = CompletedInspectable if isinstance(simulator, Inspectable) else CompletedEngine
     return cls(simulator, preset, settings, float(step) if isinstance(step, int | float) else None)
+
+
+def script_of(engine: Engine, problem: Problem) -> str:
+    """A program with nothing but the engine's interface; :meth:`.protocol.BuiltinEngine.script`.
+
+    Raises:
+        InputError: with these options trebucheck takes part in the run.
+        UnsupportedProblemError: the adapter writes no program, or cannot build the mechanism.
+    """
+    if not isinstance(engine, BuiltinEngine):
+        raise UnsupportedProblemError(f"the adapter of {engine.name} writes no program of a run.")
+    return engine.script(problem)
 
 
 # --- Engines' own interactive viewers

@@ -8,7 +8,9 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
@@ -193,6 +195,22 @@ def test_a_broken_tolerance_is_exit_code_1(
     assert "Agreement does not hold" in shown
     assert "fixed, reference assisted: launch_speed" in shown
     assert "disagrees" in (tmp_path / "report.html").read_text()
+
+
+def test_a_run_is_written_as_a_program_of_the_engine(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mujoco")
+    path, program = tmp_path / "own.nc", tmp_path / "own.py"
+    words = ["run", "--engine", "mujoco", "--model", "fixed", "--duration", "0.1", "--no-reference"]
+    assert main([*words, "--preset", "default", "--script", str(program), "--out", str(path)]) == 0
+    found: dict[str, Any] = {}
+    exec(program.read_text(), found)
+    assert np.array_equal(found["q"], load(path).q)
+    capsys.readouterr()
+    assert main([*words, "--script", str(tmp_path / "other.py"), "--out", str(path)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "takes part in the run" in said and not (tmp_path / "other.py").exists()
 
 
 def test_run_writes_a_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
