@@ -162,7 +162,7 @@ def _trajectories(states: Iterable[tuple[str, str, int, str]]) -> Document:
 @command(
     "name tag set timeout",
     name=argument(
-        "Name or number of one problem, to see its figures.",
+        "Name of one problem, to see its figures.",
         str | None,
         None,
         names=options.problem_names,

@@ -1,69 +1,104 @@
-"""Engine x problem x quantity, from results of `compare` and `converge` and from older matrices."""
+"""Engine x problem x quantity, from results of `compare` and `converge` and from older matrices.
+
+A matrix keeps of each run what its cell shows: its verdict, an error with its tolerance for each
+quantity, its cause, what of it is the engine's own, its settings and versions. Files of releases
+that kept less are read as well; what they lack is None.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+import shlex
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from enum import StrEnum
+from functools import cache, cached_property
 from itertools import combinations
 from pathlib import Path
 from statistics import median
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, JsonValue, model_validator
 
-from ..engines.supplied import Own, own
+from ..engines.supplied import Own, concerned, own
 from ..models.errors import InputError
-from ..models.library.registry import find_benchmark
+from ..models.features import features_of
+from ..models.library.registry import find_benchmark, model_of
+from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Real, Spec
 from .compare import format_of, read_results
 from .converge import FORMAT as CONVERGE
 from .converge import Studies
-from .runs.quantities import QUANTITIES
+from .runs.quantities import QUANTITIES, MetricKind, parse_label
 from .runs.results import FORMAT as COMPARE
 from .runs.results import (
+    REFERENCE,
+    Check,
     Machine,
     OfEngine,
     Outcome,
     ResultFile,
     Results,
     Run,
+    optional,
+    share_of,
     verdict_on,
     with_time_limit,
 )
-from .runs.study import REFERENCE
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 FORMAT = "trebucheck-matrix-1"
-SHOWN = {
-    "position_max": "position",
-    "velocity_max": "speed",
-    "release_time": "release time",
-    "stop_torque_max": "stop torque",
-    "joint_reaction_max": "joint force",
-    "energy_balance": "energy",
-}
-"""Title of each quantity that has a table of its own, by the metric's name."""
+PRESETS = ("stock", "default", "settings", "tuned", "assisted")
+"""Presets in the order of rows and columns; others follow alphabetically."""
+POSITION = "position_max"
+"""Quantity by which schemes and implementations are compared."""
+
+
+def preset_rank(preset: str) -> tuple[int, str]:
+    """Place of a preset in tables, as a key to sort by."""
+    return (PRESETS.index(preset) if preset in PRESETS else len(PRESETS)), preset
 
 
 class Error(Spec):
-    """The largest error of a run in one quantity."""
+    """Errors of a run in one quantity.
+
+    Value, tolerance and subject are those of the figure that is farthest beyond its tolerance, or
+    nearest to it where all hold; without tolerances of the largest one.
+    """
 
     metric: str
-    subject: str | None = Field(default=None, description="marker, stop or joint, if it is of one")
+    subject: str | None = optional(None, "marker, stop or joint, if it is of one")
     value: Real | None = Field(description="None where a figure is missing; `note` says why")
     unit: str
-    part: Real | None = Field(description="of the quantity's scale, the same for all engines")
-    observed: bool = Field(
-        default=True, description="false: the engine does not tell it, or it is not determined"
+    part: Real | None = Field(
+        description="the largest of the quantity's figures in parts of their scales, which are the "
+        "same for all engines; None where one is missing"
     )
-    tolerance: Real | None = None
-    holds: bool | None = Field(
-        default=None, description="all of the quantity's figures; None: not judged"
+    observed: bool = optional(True, "false: the engine does not tell it, or it is not determined")
+    tolerance: Real | None = optional(None, "of that figure")
+    source: Literal["need", "claim", "default"] | None = optional(None, "of the tolerance")
+    holds: bool | None = optional(None, "all of the quantity's figures; None: not judged")
+    judged: Annotated[int, Field(ge=0)] | None = optional(
+        None, "figures with a tolerance; None: not kept in this file"
     )
-    note: str | None = None
+    held: Annotated[int, Field(ge=0)] = optional(0, "figures within their tolerance")
+    note: str | None = optional(None, "why there is no value, or no tolerance")
+
+    @property
+    def ratio(self) -> float | None:
+        """Value / tolerance; infinite for a missing value, None without a tolerance."""
+        return share_of(self.value, self.tolerance)
+
+    @property
+    def kept(self) -> bool:
+        """Tell whether its value is the one that the verdict is about.
+
+        Files of earlier releases keep the largest figure, which may hold while another one breaks.
+        """
+        return self.judged is not None or self.holds is not False or (self.ratio or 0.0) > 1.0
 
 
 class Breach(Spec):
@@ -71,6 +106,11 @@ class Breach(Spec):
 
     label: str
     ratio: Real | None = Field(description="of the error to its tolerance; None: no figure")
+
+    @property
+    def kind(self) -> MetricKind:
+        """Its kind of metric."""
+        return QUANTITIES[parse_label(self.label)[0]]
 
 
 class MatrixRun(OfEngine, Spec):
@@ -87,17 +127,19 @@ class MatrixRun(OfEngine, Spec):
     )
     timestep: Positive | None = Field(default=None, description="[s]")
     outcome: Outcome
-    message: str | None = Field(default=None, description="the refusal's or the failure's sentence")
-    time_limit: Real | None = Field(default=None, description="of a run that timed out [s]")
+    message: str | None = optional(None, "the refusal's or the failure's sentence")
+    time_limit: Real | None = optional(None, "of a run that timed out [s]")
     judged: Annotated[int, Field(ge=0)] = 0
     held: Annotated[int, Field(ge=0)] = 0
     worst: Breach | None = None
     errors: tuple[Error, ...] = ()
-    first_in: str | None = Field(default=None, description="figure that leaves its tolerance first")
-    causes: tuple[str, ...] = Field(
-        default=(), description="likeliest causes; empty where unknown or not looked for"
-    )
-    explained: Real | None = Field(default=None, description="share, by the first cause")
+    first_in: str | None = optional(None, "figure that leaves its tolerance first")
+    first_at: Real | None = optional(None, "when [s]; None: before any motion, or not kept")
+    causes: tuple[str, ...] = optional((), "likeliest; empty where unknown or not looked for")
+    explained: Real | None = optional(None, "share, by the first cause")
+    settings: dict[str, JsonValue] | None = optional(None, "None: not kept in this file")
+    steps: Annotated[int, Field(ge=0)] | None = optional(None, "None: not kept, or none was made")
+    wall_time: Real | None = optional(None, "of the whole run, warm [s]; None: not kept, no run")
     date: str = Field(description="of the file of runs, YYYY-MM-DD")
     made_by: str = Field(description="version of trebucheck")
 
@@ -110,23 +152,99 @@ class MatrixRun(OfEngine, Spec):
         """Error of a quantity; None if the run has none."""
         return next((error for error in self.errors if error.metric == metric), None)
 
+    def own_on(self, problem: MatrixProblem) -> Own | None:
+        """Share of the run that is the engine's; None where it is not stated."""
+        if self.supplied is None:
+            return None
+        affected = concerned(
+            stops=problem.stops,
+            impacts=problem.group is ProblemClass.IMPACTS,
+            loops=problem.loops,
+            elements=problem.elements,
+        )
+        return own(self.supplied, affected)
+
+    @property
+    def is_dynamics(self) -> bool:
+        """Tell whether its steps are trebucheck's.
+
+        Such a run speaks for an engine's mass matrix and forces alone, and is counted apart.
+        """
+        return self.supplied is not None and own(self.supplied) is Own.DYNAMICS
+
+
+class ProblemClass(StrEnum):
+    """Classes of problems, by what they ask of an engine; in the order of columns."""
+
+    CHAINS = "open chains"
+    ELEMENTS = "springs, dampers, motors"
+    LOOPS = "loops"
+    STOPS = "releases"  # of stops that open once
+    IMPACTS = "impacts"
+
 
 class MatrixProblem(Spec):
     """A problem as compared."""
 
     name: str
-    number: str = Field(default="", description="of the library; '' where it is not from there")
+    number: str = Field(
+        default="", description="by which the library sorts it; '' where it is not from there"
+    )
     mechanism_hash: str
     stop_law: str
     judged_to: Real = Field(description="[s]")
     stops: bool
     loops: bool
     elements: bool = Field(default=False, description="springs, dampers or motors")
+    features: tuple[str, ...] | None = optional(
+        None, "elements that not every engine has; None: not kept in this file"
+    )
+    until: Real | None = optional(None, "end that was asked for [s]; None: the problem's own")
 
     @property
-    def title(self) -> str:
-        """Title of a column."""
-        return self.number or self.name
+    def group(self) -> ProblemClass:
+        """Its class."""
+        if self.stops:
+            met = self.stop_law == StopLaw.UNILATERAL
+            return ProblemClass.IMPACTS if met else ProblemClass.STOPS
+        if self.loops:
+            return ProblemClass.LOOPS
+        return ProblemClass.ELEMENTS if self.elements else ProblemClass.CHAINS
+
+    @cached_property
+    def arguments(self) -> str:
+        """Options of `compare` that ask for it; NAME.json is the file of a mechanism of its own."""
+        library = _library_problem(self.name)
+        if library is None or library.mechanism.content_hash != self.mechanism_hash:
+            until = self.judged_to if self.until is None else self.until
+            options = ["--models", f"{self.name}.json", "--until", f"{until:.10g}"]
+            own_law = StopLaw.RELEASE_ONCE
+        else:
+            options = ["--models", self.name]
+            if self.until is not None:
+                options += ["--until", f"{self.until:.10g}"]
+            own_law = library.stop_law
+        if self.stop_law != own_law:
+            options += ["--stop-law", self.stop_law]
+        return shlex.join(options)
+
+
+@cache
+def _library_problem(name: str) -> Problem | None:
+    """The machine or problem of that name with its default parameters; None if there is none."""
+    try:
+        model = model_of(name)
+    except InputError:
+        return None
+    return model if isinstance(model, Problem) else Problem(model, duration=1.0)
+
+
+def command_of(run: MatrixRun, problem: MatrixProblem) -> str:
+    """Command line that makes a run again where its engine is installed."""
+    step = "" if run.timestep is None else f" --timestep {run.timestep!r}"
+    return (
+        f"trebucheck compare {problem.arguments} --engines {run.engine} --preset {run.preset}{step}"
+    )
 
 
 class MeasuredOrder(OfEngine, Spec):
@@ -141,13 +259,30 @@ class MeasuredOrder(OfEngine, Spec):
     floor_cause: str = Field(default="", description="what sets it")
 
 
+class DynamicsCheck(OfEngine, Spec):
+    """Mass matrix, forces and accelerations of an engine in random states of a problem."""
+
+    problem: str
+    engine: str
+    preset: str
+    engine_version: str
+    states: Annotated[int, Field(ge=0)]
+    checks: tuple[Check, ...]
+
+
 class Matrix(ResultFile):
-    """Runs of several comparisons side by side."""
+    """Runs of several comparisons side by side; the reference's own are left out."""
 
     format: Literal["trebucheck-matrix-1"] = FORMAT
     problems: tuple[MatrixProblem, ...]
     runs: tuple[MatrixRun, ...]
     orders: tuple[MeasuredOrder, ...] = ()
+    dynamics: tuple[DynamicsCheck, ...] = optional((), "of engines that trebucheck's steps move")
+
+    @cached_property
+    def presets(self) -> tuple[str, ...]:
+        """Presets of the runs, from what an engine does by itself to what is done for it."""
+        return tuple(sorted({run.preset for run in self.runs}, key=preset_rank))
 
     def run(self, label: str, problem: str) -> MatrixRun | None:
         """The run of an engine and preset on a problem; None if it was not made."""
@@ -155,19 +290,30 @@ class Matrix(ResultFile):
 
     def schemes(self) -> dict[str, list[str]]:
         """Engines with their presets by scheme, alphabetically; those without one last."""
-        schemes: dict[str, set[str]] = {}
-        for run in self.runs:
-            schemes.setdefault(run.scheme, set()).add(run.label)
+        schemes: dict[str, dict[str, None]] = {}
+        for run in sorted(self.runs, key=lambda run: (run.engine, preset_rank(run.preset))):
+            schemes.setdefault(run.scheme, {})[run.label] = None
         names = sorted(schemes, key=lambda name: (not name, name.lower()))
-        return {name: sorted(schemes[name]) for name in names}
+        return {name: [*schemes[name]] for name in names}
 
     def of(self, label: str) -> Iterable[MatrixRun]:
         """Runs of an engine and preset."""
         return (run for run in self.runs if run.label == label)
 
+    def to_json(self) -> str:
+        """JSON text with a line for each problem, run and order: the files are kept, and grow."""
+        lines: list[str] = []
+        for name, value in self.model_dump(mode="json").items():
+            text = json.dumps(value, ensure_ascii=False)
+            if isinstance(value, list):
+                items = ",\n".join(json.dumps(item, ensure_ascii=False) for item in value)
+                text = f"[\n{items}\n]"
+            lines.append(f'"{name}": {text}')
+        return "{\n" + ",\n".join(lines) + "\n}"
+
 
 _SAME_END = 1e-6  # of the end: horizons are computed, and other libraries round otherwise
-_Part = TypeVar("_Part", MatrixRun, MeasuredOrder)
+_Part = TypeVar("_Part", MatrixRun, MeasuredOrder, DynamicsCheck)
 
 
 def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
@@ -190,10 +336,12 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
         raise InputError("no file: the results.json of one comparison at least is needed.")
     parts = [(path, _read(path)) for path in paths]
     runs = _once("the run", [(path, run) for path, part in parts for run in part.runs])
+    runs = tuple(run for run in runs if run.engine != REFERENCE)
     orders = _once("the order of", [(path, order) for path, part in parts for order in part.orders])
+    checks = _once("the check of", [(path, each) for path, part in parts for each in part.dynamics])
     if not runs:
         raise InputError(f"{', '.join(map(str, paths))}: there is no run of any engine.")
-    # One name is one mechanism and motion; problems of the library come first, in its order.
+    # One name is one mechanism and motion
     problems: dict[str, tuple[Path, MatrixProblem]] = {}
     for path, part in parts:
         for problem in part.problems:
@@ -205,8 +353,12 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
                     f"{problem.name!r} is another mechanism or motion in {path} than in "
                     f"{before}; a matrix compares engines on the same."
                 )
-    ordered = sorted((problem for _, problem in problems.values()), key=lambda p: p.number)
-    return Matrix.made_here(problems=tuple(ordered), runs=runs, orders=orders)
+    classes = [*ProblemClass]
+    ordered = sorted(
+        (problem for _, problem in problems.values()),
+        key=lambda problem: (classes.index(problem.group), problem.number, problem.name),
+    )
+    return Matrix.made_here(problems=tuple(ordered), runs=runs, orders=orders, dynamics=checks)
 
 
 def _once(what: str, parts: Iterable[tuple[Path, _Part]]) -> tuple[_Part, ...]:
@@ -276,14 +428,39 @@ def distilled(results: Results, date: str) -> Matrix:
             stops=bool(mechanism.stops),
             loops=bool(mechanism.loop_joints),
             elements=bool(mechanism.force_elements),
+            features=tuple(features_of(mechanism)),
+            until=_end_asked_for(machine),
         )
         problems.append(problem)
-    runs = [
-        _run(run, machines.get(run.model), date, results.trebucheck_version)
-        for run in results.runs
-        if run.engine != REFERENCE
-    ]
-    return Matrix.made_here(problems=tuple(problems), runs=tuple(runs))
+    runs: list[MatrixRun] = []
+    dynamics: list[DynamicsCheck] = []
+    for run in results.runs:
+        if run.engine == REFERENCE:
+            continue
+        kept = _run(run, machines.get(run.model), date, results.trebucheck_version)
+        runs.append(kept)
+        if kept.is_dynamics and run.equality is not None and run.equality.exposed:
+            check = DynamicsCheck(
+                problem=run.model,
+                engine=run.engine,
+                preset=run.preset,
+                engine_version=run.engine_version,
+                states=run.equality.states,
+                checks=run.equality.checks,
+            )
+            dynamics.append(check)
+    return Matrix.made_here(problems=tuple(problems), runs=tuple(runs), dynamics=tuple(dynamics))
+
+
+def _end_asked_for(machine: Machine) -> float | None:
+    """End of the motion, where it is not the problem's own duration or a machine's launch [s]."""
+    library = _library_problem(machine.model)
+    usual = machine.launch_time
+    if library is not None and find_benchmark(machine.model) is not None:
+        usual = library.duration
+    if usual is not None and math.isclose(machine.compared_to, usual, rel_tol=_SAME_END):
+        return None
+    return machine.compared_to
 
 
 def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRun:
@@ -309,8 +486,12 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
         worst=None if worst is None else Breach(label=worst, ratio=_finite(ratios[worst])),
         errors=() if machine is None else tuple(_errors(run, machine)),
         first_in=None if diagnosis is None or diagnosis.note else diagnosis.leads,
+        first_at=None if diagnosis is None or diagnosis.note else diagnosis.parts_at,
         causes=tuple(cause.name for cause in causes),
         explained=causes[0].explained if causes else None,
+        settings=run.settings,
+        steps=run.steps or None,
+        wall_time=run.wall_time,
         date=date,
         made_by=version,
     )
@@ -324,12 +505,11 @@ _HOLDS = {Outcome.AGREES: True, Outcome.DISAGREES: False, Outcome.NOT_JUDGED: No
 
 
 def _errors(run: Run, machine: Machine) -> Iterator[Error]:
-    """The largest of each quantity's figures; one that is missing counts as the largest."""
-    for name in SHOWN:
+    """Errors in each quantity that has a verdict of its own, where the run has figures of it."""
+    for name, quantity in QUANTITIES.items():
         metrics = [metric for metric in run.metrics if metric.name == name]
-        if not metrics:
+        if not metrics or quantity.follows is not None:
             continue
-        quantity = QUANTITIES[name]
         scales = machine.scales_for(invariant=quantity.invariant)
         # Errors as parts of the quantity's scale; infinite where there is no value
         parts: dict[str, float] = {}
@@ -338,24 +518,30 @@ def _errors(run: Run, machine: Machine) -> Iterator[Error]:
             scale = quantity.scale_of(scales, metric.subject, machine.mechanism)
             parts[metric.label] = size / scale
         observed = [metric for metric in metrics if metric.observed] or metrics
-        worst = max(observed, key=lambda metric: parts[metric.label])
+        judged = [metric for metric in observed if metric.holds is not None]
+        if judged:
+            farthest = max(judged, key=lambda metric: metric.share or 0.0)
+        else:
+            farthest = max(observed, key=lambda metric: parts[metric.label])
         yield Error(
             metric=name,
-            subject=worst.subject,
-            value=worst.value,
-            unit=worst.unit,
-            part=_finite(parts[worst.label]),
-            observed=worst.observed,
-            tolerance=worst.tolerance,
-            note=worst.note,
+            subject=farthest.subject,
+            value=farthest.value,
+            unit=farthest.unit,
+            part=_finite(max(parts[metric.label] for metric in observed)),
+            observed=farthest.observed,
+            tolerance=farthest.tolerance,
+            source=farthest.source,
+            note=farthest.note,
             holds=_HOLDS[verdict_on(tuple(metrics))],
+            judged=len(judged),
+            held=sum(metric.holds is True for metric in judged),
         )
 
 
 # Spread of engines of one scheme
 
 FLOOR = 1e-12  # part of the scale: smaller errors are rounding over thousands of steps, count as it
-_METRIC = "position_max"
 
 
 @dataclass(frozen=True)
@@ -406,7 +592,7 @@ def _pairs(matrix: Matrix, problem: str) -> Iterator[tuple[MatrixRun, MatrixRun,
     """Two runs of different engines with equal steps, and the ratio of their errors."""
     errors: list[tuple[MatrixRun, float]] = []
     for run in matrix.runs:
-        error = run.error(_METRIC)
+        error = run.error(POSITION)
         part = error.part if error is not None and error.observed else None
         if run.problem == problem and run.scheme and part is not None:
             errors.append((run, max(part, FLOOR)))

@@ -6,11 +6,12 @@ With names of parts only those: `python docs/generate.py readme commands`.
 from __future__ import annotations
 
 import inspect
+import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
@@ -27,7 +28,7 @@ from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
 from trebucheck.comparisons.explain import Explanation
 from trebucheck.comparisons.judge import Judgement
-from trebucheck.comparisons.matrix import distilled, orders_of
+from trebucheck.comparisons.matrix import Matrix, distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import recorded
 from trebucheck.comparisons.problems import check
@@ -36,7 +37,7 @@ from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
 from trebucheck.comparisons.report.pages import compare as figures
 from trebucheck.comparisons.report.pages.compare import differences
-from trebucheck.comparisons.report.pages.matrix import document as matrix_document
+from trebucheck.comparisons.report.pages.matrix import engine_document, summary
 from trebucheck.comparisons.report.pages.problems import library
 from trebucheck.comparisons.report.plots import Axis, Panels, Plot, picture, write_picture
 from trebucheck.comparisons.runs.process import Worker, simulate
@@ -45,6 +46,7 @@ from trebucheck.comparisons.runs.runner import motion_of
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.conformance.verdicts import Conformance
+from trebucheck.engines.registry import ANNOUNCED, PLUGIN_GROUP, engine_study
 from trebucheck.models.library.benchmark import Benchmark
 from trebucheck.models.library.registry import benchmarks, models
 from trebucheck.models.mechanism import mechanism_schema
@@ -127,7 +129,7 @@ def write_engines_on_problems() -> None:
 
 def engines_on(entry: Benchmark) -> tuple[str, ...]:
     """Largest error of a marker against the reference, relative to problem size, by engine."""
-    cells = [f"{entry.number} {entry.name}"]
+    cells = [entry.name]
     problem = entry.problem()
     solution = solve(problem)
     scales = scales_until(solution, problem.duration)
@@ -155,8 +157,8 @@ _STEPS = {"mujoco": 1e-3, "pymunk": 1e-3, "exudyn": 1e-4}
 
 
 _PROBLEMS = """\
-Published and closed-form benchmark problems. A name or number stands wherever a machine's does
-(`trebucheck compare --model slider-crank`, `tb.model("A01")`), with parameters by `--set`, and
+Published and closed-form benchmark problems. A name stands wherever a machine's does
+(`trebucheck compare --model slider-crank`, `tb.model("pendulum")`), with parameters by `--set`, and
 brings its own duration and law of the stops. `trebucheck problems --tag loop` lists,
 `trebucheck problems pendulum --set length=2` holds the reference against the figures for these
 parameters. Expected values are published, or computed from a closed form or by quadrature; the
@@ -251,14 +253,55 @@ def write_results() -> None:
     (folder / "free-swing.json").write_text(swung.to_json() + "\n")
 
 
-def write_matrix() -> None:
-    """Write the page of engine x problem x quantity, from the results that the repository holds."""
+def kept_results() -> Matrix:
+    """The runs of all engines that the repository holds."""
     folders = (ROOT / "docs" / "results", ROOT / "plugins" / "results")
-    files = sorted(file for folder in folders for file in folder.glob("*.json"))
-    shown = replace(matrix_document(read_matrix(files)), title="")
-    page = ROOT / "docs" / "matrix.md"
-    text = markdown.text(shown, signs=True)
+    return read_matrix(sorted(file for folder in folders for file in folder.glob("*.json")))
+
+
+def write_matrix() -> None:
+    """Write the page of engines and problems, from the results that the repository holds."""
+    page, matrix = ROOT / "docs" / "matrix.md", kept_results()
+    links = {run.engine: f"engines/{run.engine}.md" for run in matrix.runs}
+    text = markdown.text(summary(matrix, links), signs=True)
     page.write_text(markdown.with_block(page.read_text(), "matrix", text))
+
+
+def write_engine_pages() -> None:
+    """Write the page of each engine, from the results that the repository holds."""
+    announce_plug_ins()
+    matrix, folder = kept_results(), ROOT / "docs" / "engines"
+    names = sorted({run.engine for run in matrix.runs})
+    folder.mkdir(exist_ok=True)
+    for page in folder.glob("*.md"):
+        page.unlink()
+    for name in names:
+        study = engine_study(name)
+        text = markdown.text(engine_document(matrix, name, study, _DISPUTE), signs=True)
+        (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{text}")
+    nav = "".join(
+        f"      - {engine_study(name).title or name}: engines/{name}.md\n" for name in names
+    )
+    site = ROOT / "mkdocs.yml"
+    site.write_text(re.sub(r"(  - Engines:\n)(?:      - .*\n)*", rf"\g<1>{nav}", site.read_text()))
+
+
+_DISPUTE = (
+    "Is an option wrong, a model unfair, a number not what you get? Open an issue in this "
+    "repository, with the command of the cell (the grid shows it) and what you get instead. What "
+    "is set is in the adapter's options, what is claimed for it in its `study.py`."
+)
+
+
+def announce_plug_ins() -> None:
+    """Make the adapters of this repository known; their tables need none of their engines."""
+    announced: list[str] = []
+    for project in sorted((ROOT / "plugins").glob("*/pyproject.toml")):
+        points = tomllib.loads(project.read_text())["project"].get("entry-points", {})
+        for name, place in points.get(PLUGIN_GROUP, {}).items():
+            announced.append(f"{name}={place}")
+            sys.path.append(str(project.parent))
+    os.environ[ANNOUNCED] = " ".join(announced)
 
 
 def write_api() -> None:
@@ -358,6 +401,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "commands": write_commands,
     "results": write_results,
     "matrix": write_matrix,
+    "engine-pages": write_engine_pages,
     "api": write_api,
     "notebook": lambda: refresh_notebook(ROOT / "examples" / "notebook.ipynb"),
 }

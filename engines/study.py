@@ -263,6 +263,23 @@ class Tolerance:
         )
 
 
+@dataclass(frozen=True)
+class MaintainersNote:
+    """Three sentences for those who maintain an engine, on its page in `docs/engines`.
+
+    They are Jinja templates: a number is not written, but read from the engine's results, as in
+    `{{ best.error("pendulum", "position") }}`; `comparisons/report/pages/matrix.py` has what can be
+    read.
+    """
+
+    chosen: str
+    """Which options were set, and why."""
+    not_possible: str
+    """What could not be built, set or read."""
+    would_change: str
+    """What of the engine, its binding or the adapter would change the results."""
+
+
 _Snippets = Callable[[Any, Mechanism, float], Mapping[str, str]]
 
 
@@ -282,6 +299,10 @@ class EngineStudy:
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
     single_precision: Callable[[Options], bool] = lambda _: False
     """Whether its state, or what moves it, is rounded to single precision with these options."""
+    title: str = ""  # as its authors write it; '': its name
+    binding: str = ""
+    """Distribution by which it is run, and what that is built from, without its version."""
+    maintainers_note: MaintainersNote | None = None
     colour: str | None = None  # in plots, as '#rrggbb'; None: one follows from the engine's name
 
 

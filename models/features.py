@@ -104,7 +104,7 @@ def refuse_features(
 
     Args:
         mechanism, known, lacking, law, classes: as :func:`missing_elements`.
-        who: the solver, as the sentence begins.
+        who: the engine; it is its adapter that refuses, whatever else the engine could build.
 
     Raises:
         UnsupportedProblemError: the sentence names the elements.
@@ -114,5 +114,5 @@ def refuse_features(
         return
     texts = [f"{need} ({', '.join(map(repr, names))})" for need, names in missing.items()]
     raise UnsupportedProblemError(
-        f"{who} cannot move {mechanism.name!r}: it has no {' and no '.join(texts)}."
+        f"the adapter of {who} builds no {' and no '.join(texts)}, which {mechanism.name!r} has."
     )

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import trebucheck as tb
 from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge import converge_study
 from trebucheck.comparisons.diff import diff
 from trebucheck.comparisons.explain import explain_study
+from trebucheck.comparisons.matrix import Matrix
 from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.recommend import Asked, recommend_study
 from trebucheck.comparisons.report.document import Document
@@ -20,6 +22,7 @@ from trebucheck.comparisons.report.pages import compare as compare_report
 from trebucheck.comparisons.report.pages import converge as converge_report
 from trebucheck.comparisons.report.pages import diff as diff_report
 from trebucheck.comparisons.report.pages import explain as explain_report
+from trebucheck.comparisons.report.pages import matrix as matrix_report
 from trebucheck.comparisons.report.pages import problems as problems_report
 from trebucheck.comparisons.report.pages import recommend as recommend_report
 from trebucheck.comparisons.report.pages import throw as throw_report
@@ -130,6 +133,13 @@ def _paper() -> Document:
     )
 
 
+@cache
+def matrix() -> Matrix:
+    """The runs that the repository keeps, of all engines on all problems."""
+    root = Path(__file__).parents[1]
+    return tb.matrix(sorted(root.glob("*/results/*.json"))).made_by("trebucheck matrix FILES")
+
+
 def _certify() -> Document:
     certificate = load_certificate(tb.fixed())
     assert certificate is not None
@@ -146,5 +156,6 @@ DOCUMENTS = {
     "problems": lambda: problems_report.document(check(benchmark("pendulum"))),
     "paper": _paper,
     "certify": _certify,
+    "matrix": lambda: matrix_report.document(matrix()),
 }
 """By command."""

@@ -397,9 +397,136 @@ def without_empty_columns(shown: Table) -> Table:
     return replace(shown, columns=columns, rows=tuple(rows))
 
 
+# --- Grids of verdicts
+
+
+@dataclass(frozen=True)
+class VerdictSign:
+    """A verdict that cells of a grid may have."""
+
+    name: str
+    sign: str  # which tells it without its colour
+    label: str
+    counted: str  # the same of a number of runs
+
+
+@dataclass(frozen=True)
+class QuantityRow:
+    """A row of a card: the error of a run in one quantity, as texts."""
+
+    quantity: str
+    subject: str
+    error: str
+    ratio: str  # to its tolerance
+    holds: bool | None
+    tolerance: str = ""
+    unit: str = ""
+    part: str = ""  # of the quantity's scale
+    count: str = ""  # figures that hold, of those that are judged
+
+
+@dataclass(frozen=True)
+class Card:
+    """A text that opens where a cell or a head is pointed at: a sentence, quantities, facts."""
+
+    title: str
+    lead: str = ""
+    quantities: tuple[QuantityRow, ...] = ()
+    facts: tuple[tuple[str, str], ...] = ()
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class GridCell:
+    """The verdict on a run."""
+
+    state: str
+    label: str  # in words, for those who do not see it
+    card: Card
+    symbol: str = ""  # of the quantity that broke
+    heat: float = 0.0  # 0 to 1: how far beyond its tolerance, or within
+    own: str = ""  # share of the run that is the engine's
+
+
+@dataclass(frozen=True)
+class GridRow:
+    """An engine and preset with the verdicts on its runs, one a column; None: not run."""
+
+    engine: str
+    preset: str
+    group: str
+    cells: tuple[GridCell | None, ...]
+    leading: tuple[str, ...]  # texts of the leading columns
+    card: Card
+    apart: bool = False  # below the others, and not counted
+
+
+@dataclass(frozen=True)
+class GridColumn:
+    """A problem."""
+
+    name: str
+    group: str
+    features: tuple[str, ...]
+    card: Card
+
+
+@dataclass(frozen=True)
+class VerdictGrid(Placed):
+    """Verdicts of engines on problems, which a page sorts, filters and opens.
+
+    Other media show `compact`.
+    """
+
+    states: tuple[VerdictSign, ...]
+    presets: tuple[str, ...]
+    rows: tuple[GridRow, ...]  # by group
+    columns: tuple[GridColumn, ...]  # by group
+    leading: tuple[str, ...]  # titles of the columns between the heads of rows and the cells
+    shares: tuple[str, ...]  # shares of a run that are an engine's own, the whole first
+    legend: str
+    apart: str  # title of the rows that stand apart
+    compact: tuple[Table, ...]
+
+    @property
+    def kind(self) -> str:
+        """Class in a word, for the template of the page."""
+        return "verdicts"
+
+    def filters(self) -> dict[str, tuple[str, ...]]:
+        """Values by which rows and columns are chosen, by what they are of."""
+        features = dict.fromkeys(name for column in self.columns for name in column.features)
+        return {
+            "preset": self.presets,
+            "engine": tuple(sorted({row.engine for row in self.rows})),
+            "scheme": tuple(dict.fromkeys(row.group for row in self.rows)),
+            "feature": tuple(features),
+        }
+
+    def quantities(self) -> tuple[str, ...]:
+        """Quantities that some run is judged by."""
+        names: dict[str, None] = {}
+        for row in self.rows:
+            for cell in filter(None, row.cells):
+                names |= dict.fromkeys(each.quantity for each in cell.card.quantities)
+        return tuple(names)
+
+
 # --- Documents
 
-Block = Heading | Text | Listing | Tiles | Table | Figure | Grid | AnimationBlock | Code | Fold
+Block = (
+    Heading
+    | Text
+    | Listing
+    | Tiles
+    | Table
+    | Figure
+    | Grid
+    | AnimationBlock
+    | Code
+    | Fold
+    | VerdictGrid
+)
 
 
 @dataclass(frozen=True)
@@ -411,6 +538,7 @@ class Document:
     window: str = "trebucheck"
     command: str = ""  # command line that makes this report again
     verdict: str = ""  # the whole in a line, for who asks for no more; the title where it is empty
+    wide: bool = False  # as wide as the window, without contents beside it
 
 
 def figures_of(document: Document) -> dict[str, Figure]:

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import partial
-from itertools import chain, count
+from itertools import chain, count, groupby
+from operator import attrgetter
 from typing import Any
 
 from markupsafe import Markup, escape
 
 from ...models.arrays import FloatArray
-from .document import SIGNS, AnimationBlock, Document, Figure, Heading, in_medium
+from .document import (
+    SIGNS,
+    AnimationBlock,
+    Card,
+    Document,
+    Figure,
+    GridRow,
+    Heading,
+    VerdictGrid,
+    in_medium,
+)
 from .drawing import animation
 from .plots import Plot, Series
 
@@ -33,6 +44,7 @@ def page(document: Document) -> str:
         asset=partial(animation.resource, package),
         with_code=_with_code,
         animated=animated,
+        verdicts=_verdict_grid,
         animation_assets=animation.assets,
         json=animation.script_json,
     )
@@ -114,6 +126,83 @@ class _Page:
     def _add(self, values: FloatArray) -> int:
         """Number of an array among those of the page, in single precision."""
         return self.arrays.setdefault(animation.packed(values), len(self.arrays))
+
+
+# --- Grids of verdicts
+
+
+def _verdict_grid(block: VerdictGrid) -> Markup:
+    """A grid as a table, with what its cells open as data for the script."""
+    package = __package__ or ""
+    groups: list[tuple[str, int]] = []
+    for group, members in groupby(block.columns, attrgetter("group")):
+        groups.append((group, len([*members])))
+
+    def group_of(numbered: tuple[int, GridRow]) -> tuple[str, bool]:
+        row = numbered[1]
+        return (block.apart if row.apart else row.group), row.apart
+
+    row_groups: list[tuple[str, bool, list[tuple[int, GridRow]]]] = []
+    for (group, apart), rows in groupby(enumerate(block.rows), group_of):
+        row_groups.append((group, apart, [*rows]))
+    fragment = animation.template(package, "templates/verdicts.html.j2")
+    data = animation.script_json(_GridData(block).content())
+    return Markup(fragment.render(block=block, groups=groups, row_groups=row_groups, data=data))
+
+
+@dataclass
+class _GridData:
+    """A grid as the script reads it; each text is there once, and told by its number."""
+
+    block: VerdictGrid
+    texts: dict[str, int] = field(default_factory=dict[str, int])
+
+    def content(self) -> dict[str, Any]:
+        """The whole."""
+        block = self.block
+        states = [state.name for state in block.states]
+        rows: list[dict[str, Any]] = []
+        for row in block.rows:
+            cells: list[dict[str, Any] | None] = []
+            for cell in row.cells:
+                if cell is None:
+                    cells.append(None)
+                    continue
+                own = block.shares.index(cell.own) if cell.own in block.shares else -1
+                named = {"state": states.index(cell.state), "symbol": cell.symbol, "own": own}
+                cells.append(named | self._card(cell.card))
+            named = {name: getattr(row, name) for name in ("engine", "preset", "group", "apart")}
+            rows.append(named | {"card": self._card(row.card), "cells": cells})
+        columns: list[dict[str, Any]] = []
+        for column in block.columns:
+            named = {name: getattr(column, name) for name in ("name", "group", "features")}
+            columns.append(named | {"card": self._card(column.card)})
+        return {
+            "states": [vars(state) for state in block.states],
+            "presets": block.presets,
+            "shares": block.shares,
+            "apart": block.apart,
+            "leading": len(block.leading),
+            "rows": rows,
+            "columns": columns,
+            "texts": [*self.texts],
+        }
+
+    def _card(self, card: Card) -> dict[str, Any]:
+        quantities: list[list[Any]] = []
+        for each in card.quantities:
+            values = astuple(each)
+            quantities.append([self._number(v) if isinstance(v, str) else v for v in values])
+        return {
+            "title": self._number(card.title),
+            "lead": self._number(card.lead),
+            "quantities": quantities,
+            "facts": [[self._number(name), self._number(fact)] for name, fact in card.facts],
+            "command": self._number(card.command),
+        }
+
+    def _number(self, text: str) -> int:
+        return self.texts.setdefault(text, len(self.texts))
 
 
 def _with_code(text: object) -> Markup:

@@ -38,6 +38,8 @@ def _blocks(blocks: Iterable[doc.Block], signs: bool) -> str:
                 parts.append(f"{block.title}\n\n```\n{block.text.rstrip()}\n```")
             case doc.Figure():
                 parts.append(f"**{block.title}** {block.caption}".rstrip())
+            case doc.VerdictGrid():
+                parts += [_table(table, signs) for table in block.compact]
             case doc.Grid():
                 parts.append(_blocks(block.blocks, signs))
             case doc.Fold():

@@ -169,6 +169,9 @@ def show(document: doc.Document, to: Console) -> None:
                     to.print(_paragraph(item))
             case doc.Table():
                 _show_table(block, to)
+            case doc.VerdictGrid():
+                for table in block.compact:
+                    _show_table(table, to)
             case doc.Code():
                 to.print(Styled(f"\n# --- {block.title}", style="dim"))
                 to.print(Styled(block.text), soft_wrap=True)

@@ -83,6 +83,7 @@ class MetricKind:
     """Kind of its subjects: 'marker', 'angle', 'slide', 'moving' (coordinates and markers), 'stop',
     'closed stop' or 'joint'; '' the whole mechanism."""
     of_files: bool = False  # whether it is judged of files only: engines are not asked for it
+    symbol: str = ""  # of its kind of quantity (:data:`SYMBOLS`); '' where it follows from another
 
     def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names that a tolerance of it can be stated for."""
@@ -125,41 +126,55 @@ class MetricKind:
         return self.scale_of(scales, subject, mechanism)
 
 
+SYMBOLS: Mapping[str, str] = {
+    "x": "position",
+    "v": "speed",
+    "φ": "angle",
+    "ω": "angular speed",
+    "t": "time of an event",
+    "F": "force or torque of a joint or stop",
+    "E": "energy",
+    "p": "momentum or impulse",
+    "g": "gap of a stop or joint",
+}
+"""Kinds of quantities by the symbol that stands for them where there is no room for a name."""
 _ALL = (
-    MetricKind("position_max", "position", "way", of="marker"),
+    MetricKind("position_max", "position", "way", of="marker", symbol="x"),
     MetricKind("position_rms", "position (mean square)", "way", follows="position_max"),
-    MetricKind("velocity_max", "speed", "speed", of="marker"),
-    MetricKind("angle_max", "angle", "turn", of="angle"),
-    MetricKind("slide_max", "slide", "way", of="slide"),
-    MetricKind("angular_speed_max", "angular-speed", "angular_speed", of="angle"),
-    MetricKind("slide_speed_max", "slide-speed", "speed", of="slide"),
-    MetricKind("launch_time", "launch-time", "time", event=True),
-    MetricKind("launch_speed", "launch-speed", "speed"),
-    MetricKind("release_time", "release", "time", event=True, of="closed stop"),
-    MetricKind("impact_time", "impact", "time", event=True, of="stop"),
-    MetricKind("impact_impulse", "impulse", "impulse", of="stop", of_files=True),
-    MetricKind("impact_speed", "impact-speed", "impact speed", of="moving", of_files=True),
-    MetricKind("stop_torque_max", "stop-torque", "stop", of="stop"),
+    MetricKind("velocity_max", "speed", "speed", of="marker", symbol="v"),
+    MetricKind("angle_max", "angle", "turn", of="angle", symbol="φ"),
+    MetricKind("slide_max", "slide", "way", of="slide", symbol="x"),
+    MetricKind("angular_speed_max", "angular-speed", "angular_speed", of="angle", symbol="ω"),
+    MetricKind("slide_speed_max", "slide-speed", "speed", of="slide", symbol="v"),
+    MetricKind("launch_time", "launch-time", "time", event=True, symbol="t"),
+    MetricKind("launch_speed", "launch-speed", "speed", symbol="v"),
+    MetricKind("release_time", "release", "time", event=True, of="closed stop", symbol="t"),
+    MetricKind("impact_time", "impact", "time", event=True, of="stop", symbol="t"),
+    MetricKind("impact_impulse", "impulse", "impulse", of="stop", of_files=True, symbol="p"),
+    MetricKind(
+        "impact_speed", "impact-speed", "impact speed", of="moving", of_files=True, symbol="v"
+    ),
+    MetricKind("stop_torque_max", "stop-torque", "stop", of="stop", symbol="F"),
     MetricKind(
         "stop_torque_settled", "stop-torque (away from releases)", "stop", follows="stop_torque_max"
     ),
     MetricKind("stop_impulse", "stop-impulse", "", follows="stop_torque_max"),
-    MetricKind("joint_reaction_max", "reaction", "force", of="joint"),
+    MetricKind("joint_reaction_max", "reaction", "force", of="joint", symbol="F"),
     MetricKind("joint_reaction_relative", "reaction (relative)", "", follows="joint_reaction_max"),
-    MetricKind("kinetic_energy_max", "kinetic-energy", "energy"),
-    MetricKind("potential_energy_max", "potential-energy", "energy"),
-    MetricKind("energy_balance", "energy", "energy", invariant=True),
+    MetricKind("kinetic_energy_max", "kinetic-energy", "energy", symbol="E"),
+    MetricKind("potential_energy_max", "potential-energy", "energy", symbol="E"),
+    MetricKind("energy_balance", "energy", "energy", invariant=True, symbol="E"),
     MetricKind("energy_drift", "energy (of the start's)", "", follows="energy_balance"),
     MetricKind("energy_drift_kinetic", "energy (of the kinetic)", "", follows="energy_balance"),
-    MetricKind("horizontal_momentum", "momentum", "momentum", invariant=True),
-    MetricKind("stop_gap_held", "stop-gap", "gap", of="closed stop"),
-    MetricKind("stop_penetration", "penetration", "gap", of="stop"),
+    MetricKind("horizontal_momentum", "momentum", "momentum", invariant=True, symbol="p"),
+    MetricKind("stop_gap_held", "stop-gap", "gap", of="closed stop", symbol="g"),
+    MetricKind("stop_penetration", "penetration", "gap", of="stop", symbol="g"),
     MetricKind("complementarity", "complementarity", "gap", follows="stop_penetration"),
-    MetricKind("joint_gap_max", "joint-gap", "way", invariant=True, of="joint"),
-    MetricKind("base_error", "base-error", "base error"),
+    MetricKind("joint_gap_max", "joint-gap", "way", invariant=True, of="joint", symbol="g"),
+    MetricKind("base_error", "base-error", "base error", symbol="x"),
     MetricKind("first_parting", "first-parting", "time", follows="base_error"),
-    MetricKind("missing_time", "duration", "time"),
-    MetricKind("unseen_time", "sampling", "time"),
+    MetricKind("missing_time", "duration", "time", symbol="t"),
+    MetricKind("unseen_time", "sampling", "time", symbol="t"),
 )
 QUANTITIES: Mapping[str, MetricKind] = {kind.name: kind for kind in _ALL}
 """Kinds of metrics by their name."""

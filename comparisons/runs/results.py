@@ -16,6 +16,8 @@ from ...models.spec import Real, Spec
 from .scales import Scales
 
 FORMAT = "trebucheck-results-2"
+REFERENCE = "reference"
+"""Name of the engine that the others are measured against."""
 _OLD_TIME_LIMIT = re.compile(r"did not finish within ([0-9.e+-]+) s and was stopped\.$")
 
 
@@ -32,7 +34,7 @@ def with_time_limit(given: Any) -> Any:
     return given
 
 
-def _optional(default: Any, description: str) -> Any:
+def optional(default: Any, description: str) -> Any:
     """A field that is written only where it has another value than the default."""
     return Field(
         default=default, exclude_if=lambda value: value == default, description=description
@@ -46,10 +48,10 @@ class ResultFile(Spec):
     trebucheck_version: str
     python_version: str
     platform: str
-    command: str | None = _optional(
+    command: str | None = optional(
         None, "command line that makes it again; absent where Python made it"
     )
-    jobs: int = _optional(
+    jobs: int = optional(
         1, "runs made at once: with more than one, wall times include what they cost each other"
     )
 
@@ -151,7 +153,7 @@ class Metric(OnSubject, Spec):
     subject: str | None = Field(default=None, description="marker, coordinate, stop or joint")
     value: Real | None
     unit: str
-    sampling_error: Real | None = _optional(None, "of the samples; added to the tolerance")
+    sampling_error: Real | None = optional(None, "of the samples; added to the tolerance")
     observed: bool = Field(default=True, description="false: not told, or not determined")
     follows: str | None = Field(default=None, description="metric that is judged in its place")
     tolerance: Real | None = None
@@ -239,7 +241,7 @@ class Diagnosis(Spec):
         "named, and cannot be told apart by it; 0: the cause is unknown",
     )
     motion_agrees: bool = Field(default=False, description="only what is read from it differs")
-    note: str = _optional("", "why no cause was looked for; what leads is then what is worst")
+    note: str = optional("", "why no cause was looked for; what leads is then what is worst")
 
     @property
     def named(self) -> tuple[RankedCause, ...]:
@@ -278,11 +280,11 @@ class Run(OfEngine, Measured, Spec):
     preset: str
     outcome: Outcome
     message: str | None = Field(default=None, description="why it failed")
-    time_limit: Real | None = _optional(None, "at which a run that timed out was stopped [s]")
+    time_limit: Real | None = optional(None, "at which a run that timed out was stopped [s]")
     engine_version: str
-    scheme: str = _optional("", "by which it integrates, as its study names it")
-    order: Real | None = _optional(None, "power of the time step of its error, by its study")
-    supplied: dict[str, str] | None = _optional(
+    scheme: str = optional("", "by which it integrates, as its study names it")
+    order: Real | None = optional(None, "power of the time step of its error, by its study")
+    supplied: dict[str, str] | None = optional(
         None, "what trebucheck does in its place, by part, and of what; null: it does not say"
     )
     settings: dict[str, JsonValue] = Field(default_factory=dict)
@@ -375,6 +377,11 @@ class Results(ResultFile):
     def ran(self) -> tuple[Run, ...]:
         """Runs whose motion was compared."""
         return tuple(run for run in self.runs if run.outcome in COMPARED)
+
+    @property
+    def counted(self) -> tuple[Run, ...]:
+        """Runs that verdicts are counted of: the reference's own only where no engine was run."""
+        return tuple(run for run in self.runs if run.engine != REFERENCE) or self.runs
 
     @property
     def passed(self) -> bool:

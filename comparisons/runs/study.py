@@ -36,6 +36,7 @@ from ...reference.solution import Solution
 from ...reference.solver import characteristic_time, solve, solve_to_launch, solve_until
 from .metrics import THROWN
 from .process import Worker
+from .results import REFERENCE
 from .store import Store
 from .tolerances import Needs
 
@@ -143,7 +144,6 @@ def _solved(
     return solve_until(mechanism, (spans * scale for spans in _SPANS), done, law)
 
 
-REFERENCE = "reference"
 Progress = Callable[[str, int, int], None]
 """Called before each part with what it is, the number of parts done and of all parts."""
 

@@ -31,8 +31,8 @@ from .trebuchet import (
 )
 
 Model = str | PathLike[str] | Mechanism | Problem
-"""Name of a machine, name or number of a problem of the library, path of a mechanism's .json file,
-a mechanism, or a problem."""
+"""Name of a machine or of a problem of the library, path of a mechanism's .json file, a mechanism,
+or a problem."""
 Models = Model | Iterable[Model]
 Start = float | Sequence[float] | Mapping[str, float]
 """Values of all coordinates in their order, or of some by name."""
@@ -178,8 +178,8 @@ def model(
         (1.2, -0.5)
 
     Args:
-        given: name of a machine, name or number of a problem, path of a mechanism's .json file, a
-            mechanism, or a problem.
+        given: name of a machine or of a problem, path of a mechanism's .json file, a mechanism, or
+            a problem.
         parameters: of what is given by name; their defaults if left out.
         start: coordinates at t = 0 [rad or m], all in their order or some by name; a number is the
             parameter of that name, or the one coordinate. Those of the model if left out.
@@ -245,7 +245,7 @@ def problem(name: str, parameters: Spec | None = None) -> Problem:
     """A problem of the library: a mechanism, a duration and a law of its stops.
 
     Args:
-        name: or number.
+        name: of the problem, or the number by which the library sorts it.
         parameters: of the problem's own class; its defaults if left out.
 
     Raises:
@@ -336,6 +336,6 @@ def benchmark(name: str) -> Benchmark:
     """
     entry = find_benchmark(name)
     if entry is None:
-        known = ", ".join(f"{entry.number} {entry.name}" for entry in _BENCHMARKS.values())
+        known = ", ".join(_BENCHMARKS)
         raise _unknown("problem", name, _BENCHMARKS, known)
     return entry

@@ -20,7 +20,7 @@
     return null;
   },
   // Elements that cross the edges of a page of that width, but for those in boxes that may scroll within themselves.
-  leaving(width, scrolling = "pre, .animation-scroll") {
+  leaving(width, scrolling = "pre, .animation-scroll, .verdicts-scroll") {
     const found = [];
     if (document.documentElement.scrollWidth > width) found.push(`the page is ${document.documentElement.scrollWidth} px wide`);
     for (const element of document.body.querySelectorAll("*")) {
@@ -40,7 +40,10 @@
       const parent = node.parentElement;
       if (!node.data.trim() || parent.closest("script, style, option, pre, [aria-label=tip]") || this.hidden(parent)) continue;
       range.selectNodeContents(node);
+      // What is scrolled away in a box with its own scroll bars is not seen.
+      const frame = parent.closest(".verdicts-scroll")?.getBoundingClientRect();
       for (const r of range.getClientRects()) {
+        if (frame && (r.right < frame.left || r.left > frame.right || r.bottom < frame.top || r.top > frame.bottom)) continue;
         const slack = 0.22 * r.height; // a line's box is higher than its letters
         if (r.width > 1) boxes.push({node: parent, left: r.left + 0.5, right: r.right - 0.5, top: r.top + slack, bottom: r.bottom - slack});
       }

@@ -6,7 +6,7 @@ Nothing is green that was not judged.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +22,23 @@ from trebucheck.comparisons.converge import (
     SweepStudy,
 )
 from trebucheck.comparisons.matrix import (
+    Breach,
     Error,
     Matrix,
     MatrixProblem,
     MatrixRun,
     MeasuredOrder,
+    ProblemClass,
+    command_of,
     distilled,
     matrix,
+    sentence,
     spreads,
 )
 from trebucheck.comparisons.report import html, markdown
-from trebucheck.comparisons.report.pages.matrix import document
+from trebucheck.comparisons.report.document import GridCell, VerdictGrid
+from trebucheck.comparisons.report.pages.matrix import STATES, counted_runs, document
+from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, SYMBOLS
 from trebucheck.comparisons.runs.results import Outcome, Results
 from trebucheck.engines.study import SCHEME_NAMES
 from trebucheck.models.errors import InputError
@@ -80,16 +86,28 @@ def _run(
     return MatrixRun(engine=engine, **(given | fields))
 
 
+def _breach(label: str, ratio: float) -> Breach:
+    return Breach(label=label, ratio=ratio)
+
+
 def _matrix(*runs: MatrixRun, **fields: Any) -> Matrix:
     return Matrix.made_here(problems=fields.pop("problems", (_problem(),)), runs=runs, **fields)
 
 
-def _text(matrix: Matrix) -> str:
-    return markdown.text(document(matrix), signs=True)
+def _grid(matrix: Matrix) -> VerdictGrid:
+    return next(block for block in document(matrix).blocks if isinstance(block, VerdictGrid))
 
 
-def _line(text: str, start: str) -> str:
-    return next(line for line in text.splitlines() if line.startswith(f"| {start} |"))
+def _cell(matrix: Matrix, engine: str, problem: str = "swing") -> GridCell:
+    grid = _grid(matrix)
+    (row,) = (row for row in grid.rows if row.engine == engine)
+    cell = row.cells[[column.name for column in grid.columns].index(problem)]
+    assert cell is not None
+    return cell
+
+
+def _facts(cell: GridCell) -> dict[str, str]:
+    return dict(cell.card.facts)
 
 
 def test_engines_of_one_scheme_stand_together_and_those_that_state_none_come_last() -> None:
@@ -100,95 +118,116 @@ def test_engines_of_one_scheme_stand_together_and_those_that_state_none_come_las
         _run("d", 1.0, scheme=""),
     )
     matrix = _matrix(*runs)
-    assert matrix.schemes() == {
-        RK4: ["a assisted", "c assisted"],
-        EULER: ["b assisted"],
-        "": ["d assisted"],
-    }
-    lines = [line.split(" | ")[0].strip("| *") for line in _text(matrix).splitlines()]
-    heads = [
-        line
-        for line in lines
-        if line in (RK4, EULER, "scheme not stated", "a assisted", "b assisted", "c assisted")
-    ]
-    assert heads[:6] == [RK4, "a assisted", "c assisted", EULER, "b assisted", "scheme not stated"]
+    assert matrix.schemes() == {RK4: ["a assisted", "c assisted"], EULER: ["b assisted"], "": ["d assisted"]}
+    groups = [(row.group, row.engine) for row in _grid(matrix).rows]
+    assert groups[:3] == [(RK4, "a"), (RK4, "c"), (EULER, "b")]
+    assert groups[3][0] not in (RK4, EULER)
 
 
-@pytest.mark.parametrize(
-    ("outcome", "holds", "sign"),
-    [
-        (Outcome.AGREES, True, "✓ "),
-        (Outcome.DISAGREES, False, "✗ "),
-        (Outcome.NOT_JUDGED, None, "○ "),
-    ],
-)
-def test_a_cell_has_the_sign_of_its_verdict_and_its_error(
-    outcome: Outcome, holds: bool | None, sign: str
-) -> None:
-    matrix = _matrix(_run("a", 1.5e-7, holds, outcome=outcome))
-    verdict, quantity = (
-        line for line in _text(matrix).splitlines() if line.startswith("| a assisted |")
+def test_presets_stand_in_their_order_and_unknown_ones_last() -> None:
+    names = ("mine", "assisted", "default", "settings")
+    matrix = _matrix(*(_run("a", 1e-9, preset=preset) for preset in names))
+    assert matrix.presets == ("default", "settings", "assisted", "mine")
+    assert [row.preset for row in _grid(matrix).rows] == [*matrix.presets]
+
+
+def test_problems_stand_by_class_and_then_by_the_library_s_order() -> None:
+    loop, stop, plain = (
+        _problem("loop", loops=True, number="A01"),
+        _problem("stop", stops=True),
+        _problem("plain", number="B01"),
     )
-    assert verdict.endswith(f"| {sign}1.5e-7 |") and quantity.endswith(f"| {sign}1.5e-7 |")
+    met = _problem("met", stops=True, stop_law="unilateral")
+    spring = _problem("spring", elements=True)
+    file = _matrix(
+        *(_run("a", 1e-9, problem=each.name) for each in (met, stop, loop, spring, plain)),
+        problems=(met, stop, loop, spring, plain),
+    )
+    assert [each.group for each in (plain, spring, loop, stop, met)] == [*ProblemClass]
+    assert [column.group for column in _grid(file).columns] == [
+        each.group for each in file.problems
+    ]
 
 
-def test_what_did_not_run_is_said_in_its_own_words_and_is_never_green() -> None:
+@pytest.mark.parametrize("outcome", [*Outcome])
+def test_every_verdict_has_a_sign_of_its_own(outcome: Outcome) -> None:
+    signs = {state.sign for state in STATES.values()}
+    assert len(signs) == len(Outcome) and STATES[outcome].label
+    run = _run("a", 1e-9, outcome=outcome, worst=_breach("position_max (tip)", 0.5))
+    assert _cell(_matrix(run), "a").state == STATES[outcome].name
+
+
+def test_a_cell_shows_the_quantity_that_broke_and_not_a_number_that_holds() -> None:
+    holds = Error(metric="position_max", subject="tip", value=1e-9, unit="m", part=1e-9,
+                  tolerance=1e-3, holds=True, judged=1, held=1)  # fmt: skip
+    breaks = Error(metric="joint_reaction_max", subject="pin", value=6.0, unit="N", part=0.2,
+                   tolerance=2.0, holds=False, judged=3, held=1)  # fmt: skip
+    run = _run("a", outcome=Outcome.DISAGREES, errors=(holds, breaks), judged=4, held=2,
+               worst=_breach("joint_reaction_max (pin)", 3.0), settings={})  # fmt: skip
+    cell = _cell(_matrix(run), "a")
+    assert cell.symbol == QUANTITIES["joint_reaction_max"].symbol
+    first, second = cell.card.quantities
+    assert (first.subject, first.holds, first.count) == ("pin", False, "1 of 3")
+    assert (first.error, first.tolerance, first.unit) == ("6.0e0", "2.0e0", "N")
+    assert (second.subject, second.holds) == ("tip", True)
+
+
+def test_every_judged_quantity_has_a_symbol_and_every_symbol_a_meaning() -> None:
+    assert {kind.symbol for kind in JUDGED.values()} <= set(SYMBOLS)
+    assert not [kind.name for kind in QUANTITIES.values() if kind.follows and kind.symbol]
+
+
+def test_a_file_that_kept_less_shows_no_error_that_is_not_the_broken_one() -> None:
+    """Files of earlier releases keep the largest error of a quantity, not the broken one's."""
+    run = _run("a", 1e-9, False, outcome=Outcome.DISAGREES, worst=_breach("angle_max (q)", 7.0))
+    angle, position = _cell(_matrix(run), "a").card.quantities
+    assert (angle.quantity, angle.ratio, angle.holds) == ("angle", "7.0e0", False)
+    assert position.holds is False and not {angle.error, position.error} & {"1.0e-9"}
+    assert position.error == angle.error  # that it is not kept
+    kept = _run("a", 2e-3, False, outcome=Outcome.DISAGREES)
+    assert _cell(_matrix(kept), "a").card.quantities[0].error == "2.0e-3"
+
+
+def test_a_refusal_is_the_adapter_s_and_no_run_without_an_end_is_green() -> None:
     runs = (
         _run("welder", outcome=Outcome.UNSUPPORTED, message=_REFUSAL),
         _run("crasher", outcome=Outcome.FAILED, message="it fell over."),
-        _run(
-            "sloth",
-            outcome=Outcome.TIMED_OUT,
-            time_limit=120.0,
-            message="sloth did not finish within 120 s and was stopped.",
-        ),
-        _run("stranger", outcome=Outcome.NOT_EQUIVALENT, message="total mass off by 1."),
-        _run("gone", outcome=Outcome.ABSENT, message="gone is not installed."),
+        _run("sloth", outcome=Outcome.TIMED_OUT, time_limit=120.0, message="sloth was stopped."),
         _run("mover", 1e-9, problem="other"),
     )
-    text = _text(_matrix(*runs, problems=(_problem(), _problem("other"))))
-    said = {
-        "welder": "! refused",
-        "crasher": "✗ failed",
-        "sloth": "✗ not finished in 120 s",
-        "stranger": "✗ another model",
-        "gone": "! not installed",
-    }
-    for engine, cell in said.items():
-        assert f"| {cell} |" in _line(text, f"{engine} assisted") and "✓" not in _line(
-            text, f"{engine} assisted"
-        )
-    assert "not run" in _line(text, "mover assisted") and _REFUSAL in _line(text, "welder")
-    assert "it fell over." in text and "total mass off by 1." in text
+    matrix = _matrix(*runs, problems=(_problem(), _problem("other")))
+    welder = _cell(matrix, "welder")
+    assert "adapter" in welder.label and _REFUSAL in _facts(welder).values()
+    assert "it fell over." in _facts(_cell(matrix, "crasher")).values()
+    assert "120 s" in _cell(matrix, "sloth").label
+    lines = markdown.text(document(matrix)).splitlines()
+    row = next(line for line in lines if line.startswith("| swing |"))
+    assert [cell.strip() for cell in row.split("|")[2:-1]] == ["!", "·", "…", "–"]
+
+
+def test_first_quantity_cause_and_its_share_are_those_of_the_diagnosis() -> None:
+    run = _run("a", 1.0, False, outcome=Outcome.DISAGREES, first_in="angle_max (q)", first_at=0.25,
+               causes=("time step",), explained=0.973, settings={"n": 3})  # fmt: skip
+    facts = _facts(_cell(_matrix(run), "a"))
+    text = " ".join(facts.values())
+    assert "0.25 s" in text and "time step" in text and "97.3 %" in text and "n = 3" in text
+    unknown = run.model_copy(update={"causes": (), "explained": None})
+    assert "time step" not in " ".join(_facts(_cell(_matrix(unknown), "a")).values())
 
 
 def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None:
     order = MeasuredOrder(
         engine="a", preset="assisted", problem="swing", exponent=3.98, half_width=0.03
     )
-    flat = MeasuredOrder(engine="d", preset="assisted", problem="swing", exponent=None)
     soft = MeasuredOrder(
-        engine="e",
-        preset="assisted",
-        problem="swing",
-        exponent=None,
-        floor=3e-4,
-        floor_cause="stops",
+        engine="e", preset="assisted", problem="swing", exponent=None, floor=3e-4, floor_cause="stops"
     )
-    runs = (
-        _run("a", 1e-9),
-        _run("b", 1e-9),
-        _run("c", 1e-9, order=None),
-        _run("d", 1e-9),
-        _run("e", 1e-9),
-    )
-    text = _text(_matrix(*runs, orders=(order, flat, soft)))
-    assert "| none: floor 3.0e-4 m (swing) |" in _line(text, "e assisted")
-    assert "| none (swing) |" in _line(text, "d assisted")
-    assert "3.980 ± 0.030 (swing)" in _line(text, "a assisted")
-    assert "4 (declared)" in _line(text, "b assisted") and "none (declared)" in _line(
-        text, "c assisted"
-    )
+    runs = (_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), _run("e", 1e-9))
+    rows = {row.engine: row for row in _grid(_matrix(*runs, orders=(order, soft))).rows}
+    assert [rows[name].leading[0] for name in "abce"] == ["3.98", "4", "–", "–"]
+    told = {name: dict(row.card.facts)["order"] for name, row in rows.items()}
+    assert "measured" in told["a"] and "0.030" in told["a"] and "declared" in told["b"]
+    assert "3.0e-4 m" in told["e"] and "stops" in told["e"]
 
 
 def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_equal_steps() -> (
@@ -200,62 +239,62 @@ def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_
     )  # fmt: skip
     (found,) = spreads(_matrix(*runs))
     assert (found.scheme, found.constrained, found.engines) == (RK4, False, ("a", "b", "d", "e"))
-    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against
-    # each of the four
+    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against each
+    # of the four
     assert sorted(each.value for each in found.within) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
     assert sorted(each.value for each in found.between) == pytest.approx(
         [1e-4 / 9e-9, 1e-4 / 3e-9, 1e5, 1e8]
     )
-    assert "9e+03 at most (d assisted and a default on swing; 5 pairs, median 1e+03)" in _text(
-        _matrix(*runs)
-    )
+    assert "9e+03 at most (d assisted and a default on swing; 5 pairs, median 1e+03)" in sentence(found)
 
 
 def test_agreement_is_counted_by_what_of_the_run_is_the_engines_own() -> None:
     held = {"stop forces": "", "when stops open and are met": ""}
     problems = (_problem(), _problem("stopped", stops=True), _problem("sprung", elements=True))
-    runs = (
-        *(_run("a", 1e-9, problem=each.name, supplied={}) for each in problems),
-        *(_run("b", 1e-9, problem=each.name, supplied=held) for each in problems),
-        *(
-            _run("c", 1e-9, problem=each.name, supplied={"time steps": "", **held})
-            for each in problems
-        ),
-        _run("d", 1e-9),
-        _run("a", 1.0, False, preset="default", outcome=Outcome.DISAGREES, supplied={}),
-    )
-    text = _text(_matrix(*runs, problems=problems))
-    assert (
-        "Of 10 agreements the engine's own is: all in 5, steps in 1, dynamics in 3, not stated in "
-        "1."
-    ) in text
+    runs = [
+        _run(engine, 1e-9, problem=each.name, supplied=supplied)
+        for engine, supplied in (("a", {}), ("b", held), ("c", {"time steps": "", **held}))
+        for each in problems
+    ]
+    runs += [_run("d", 1e-9), _run("a", 1.0, False, preset="default", outcome=Outcome.DISAGREES)]
+    grid = _grid(_matrix(*runs, problems=problems))
     own = {
-        (where, line.split(" | ")[0].strip("| ")): line.split(" | ")[1]
-        for where, line in _leading(text)
+        (row.engine, column.name): cell.own
+        for row in grid.rows
+        for column, cell in zip(grid.columns, row.cells, strict=True)
+        if cell is not None
     }
-    assert (
-        own["Without stops and loops", "b assisted"] == "all"
-        and own["With stops", "b assisted"] == "steps"
-    )
-    assert (
-        own["With stops", "c assisted"]
-        == own["Without stops and loops", "c assisted"]
-        == "dynamics"
-    )
-    assert own["Without stops and loops", "d assisted"] == "not stated"
-    assert (
-        "| a default | nothing |" in text
-        and "| b assisted | stop forces; when stops open and are met |" in text
-    )
+    assert {own["a", each.name] for each in problems} == {"all"}
+    assert (own["b", "swing"], own["b", "stopped"], own["b", "sprung"]) == ("all", "steps", "all")
+    assert own["d", "swing"] == "not stated"
+    # What trebucheck's steps move stands apart and is counted nowhere.
+    assert [row.engine for row in grid.rows if row.apart] == ["c"]
+    assert grid.rows[-1].engine == "c" and {own["c", each.name] for each in problems} == {
+        "dynamics"
+    }
+    counted = counted_runs(_matrix(*runs, problems=problems))
+    assert len(counted) == len(runs) - 3 and "c" not in {run.engine for run in counted}
 
 
-def _leading(text: str) -> Iterator[tuple[str, str]]:
-    """Rows of engines of the tables of verdicts, each with its table's title."""
-    title = ""
-    for line in text.partition("## What is the engine's own")[0].splitlines():
-        title = line.strip("*") if line.startswith("**") else title
-        if re.match(r"\| \w+ (assisted|default) \|", line):
-            yield title, line
+def test_the_reference_is_no_row_and_counted_nowhere(tmp_path: Path) -> None:
+    path = tmp_path / "m.json"
+    path.write_text(_matrix(_run("a", 1e-9), _run("reference", 0.0)).to_json())
+    file = matrix(path)
+    (run,) = counted_runs(file)
+    assert run.engine == "a" and [row.engine for row in _grid(file).rows] == ["a"]
+
+
+def test_a_run_s_command_is_taken_by_compare(results: Results) -> None:
+    file = distilled(results, "2026-01-02")
+    (problem,) = file.problems
+    words = shlex.split(command_of(file.runs[0], problem))
+    assert words[:2] == ["trebucheck", "compare"]
+    given = dict(zip(words[2::2], words[3::2], strict=True))
+    assert given.pop("--until") == "0.5"  # not the problem's own end
+    assert float(given.pop("--timestep")) == file.runs[0].timestep
+    assert given == {"--models": "pendulum", "--engines": "pymunk", "--preset": file.runs[0].preset}
+    own = _problem("mine", judged_to=2.0)
+    assert "--models mine.json --until 2" in command_of(_run("a", problem="mine"), own)
 
 
 @pytest.fixture(scope="module")
@@ -289,6 +328,32 @@ def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(
     )
     bare = distilled(results.model_copy(update={"runs": (unjudged,)}), "2026-01-02").runs[0]
     assert {error.holds for error in bare.errors} == {None} and bare.worst is None
+    assert run.settings == full.settings and run.steps == full.steps
+    judged = {metric.name for metric in full.judged}
+    assert {error.metric for error in run.errors if error.judged} == judged
+    assert sum(error.judged or 0 for error in run.errors) == len(full.judged)
+
+
+def test_of_a_quantity_the_figure_farthest_beyond_its_tolerance_is_kept(results: Results) -> None:
+    """The larger error may hold, where the smaller one has the smaller tolerance."""
+    full = results.runs[0]
+    base = full.metric("angular_speed_max", "phi")
+    assert base is not None
+    large = base.model_copy(update={"subject": "big", "value": 1.0, "tolerance": 10.0})
+    small = base.model_copy(update={"subject": "small", "value": 1e-3, "tolerance": 1e-4})
+    changed = full.model_copy(update={"metrics": (large, small)})
+    (run,) = distilled(results.model_copy(update={"runs": (changed,)}), "2026-01-02").runs
+    (error,) = run.errors
+    assert (error.subject, error.value, error.tolerance) == ("small", 1e-3, 1e-4)
+    assert (error.judged, error.held, error.holds) == (2, 1, False)
+    speed = results.machines[0].scales.angular_speed
+    assert error.part == pytest.approx(1.0 / speed)  # the largest, for schemes against each other
+
+
+def test_a_matrix_is_read_back_as_it_was_written(results: Results) -> None:
+    file = distilled(results, "2026-01-02")
+    assert Matrix.from_json(file.to_json()) == file
+    assert len(file.to_json().splitlines()) < 30  # a line a run, so that versions can be compared
 
 
 def test_files_are_put_together_once_and_read_again(results: Results, tmp_path: Path) -> None:
@@ -409,23 +474,6 @@ def test_a_file_that_is_not_there_is_said_to_be_unreadable_and_not_to_be_of_anot
 ) -> None:
     with pytest.raises(InputError, match=r"none\.json cannot be read: No such file"):
         tb.matrix(tmp_path / "none.json")
-
-
-def test_a_table_is_no_wider_than_a_screen_and_every_problem_is_in_one() -> None:
-    problems = tuple(_problem(f"p{k:02}", number=f"P{k:02}") for k in range(17))
-    text = _text(
-        _matrix(*(_run("a", 1e-9, problem=each.name) for each in problems), problems=problems)
-    )
-    heads = [
-        line.split(" | ")[4:]
-        for line in text.splitlines()
-        if line.startswith("| engine | own | order")
-    ]
-    assert [len(each) for each in heads] == [6, 5, 6]
-    assert [name.strip(" |") for each in heads for name in each] == [
-        each.number for each in problems
-    ]
-    assert "Without stops and loops: P00 to P05" in text
 
 
 @pytest.mark.parametrize(

@@ -115,16 +115,16 @@ def _runs(results: Results, machine: Machine) -> list[Run]:
 
 def verdict(results: Results) -> str:
     """One line: how many runs came to which verdict, and what was judged."""
-    counted = Counter(run.outcome for run in results.runs)
+    counted = Counter(run.outcome for run in results.counted)
     plurals = {Outcome.AGREES: "agree", Outcome.DISAGREES: "disagree"}
     outcomes = ", ".join(
         f"{counted[outcome]} {plurals.get(outcome, outcome.value)}"
         for outcome in Outcome
         if counted[outcome]
     )
-    judged = sum(len(run.judged) for run in results.runs)
-    held = judged - sum(len(run.broken) for run in results.runs)
-    checks = [run.equality for run in results.runs if run.equality is not None]
+    judged = sum(len(run.judged) for run in results.counted)
+    held = judged - sum(len(run.broken) for run in results.counted)
+    checks = [run.equality for run in results.counted if run.equality is not None]
     exposed = [check for check in checks if check.exposed]
     models = f"{sum(check.holds for check in exposed)} of {len(exposed)} built models equivalent"
     if len(exposed) < len(checks):
@@ -170,7 +170,7 @@ def _differing(results: Results) -> tuple[list[doc.Block], doc.Listing]:
 
 def _tiles(results: Results) -> doc.Tiles:
     """Verdicts counted, and the engines at both ends of the ranking by distance."""
-    counted = Counter(run.outcome for run in results.runs)
+    counted = Counter(run.outcome for run in results.counted)
     failed = sum(counted[outcome] for outcome in (*FAILURES, Outcome.NOT_EQUIVALENT))
     unjudged = (Outcome.NOT_JUDGED, Outcome.ABSENT, Outcome.UNSUPPORTED)
     counts: list[tuple[int, str, doc.Mark]] = [

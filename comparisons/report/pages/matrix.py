@@ -1,225 +1,568 @@
-"""The page of the matrix: all problems, each quantity, what is missing, causes, schemes."""
+"""The page of the matrix: one grid of engines and problems; and the page of one engine."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 
-from ....engines.supplied import Own, concerned, own, parts
-from ....models.problem import StopLaw
-from ...matrix import FLOOR, SHOWN, Matrix, MatrixProblem, MatrixRun, sentence, spreads
+from jinja2 import Environment, StrictUndefined
+from pydantic import JsonValue
+
+from ....engines.study import EngineStudy
+from ....engines.supplied import Own, parts
+from ....models.errors import InputError
+from ....models.library.registry import find_benchmark
+from ...matrix import (
+    FLOOR,
+    Error,
+    Matrix,
+    MatrixProblem,
+    MatrixRun,
+    command_of,
+    sentence,
+    spreads,
+)
+from ...runs.quantities import QUANTITIES, SYMBOLS, parse_label
 from ...runs.results import COMPARED, Outcome
 from .. import document as doc
-from ..document import format_number
-from .tables import MARKS, judged_mark
-
-_SHARES = (
-    "Own: how much of its runs on a table's problems is the engine's. “all”; “most”: trebucheck "
-    "decides when stops open and are met, finds impulses of impacts, or adds or reads forces that "
-    "the engine has no element for or does not tell; “steps”: its dynamics and its integrator, but "
-    "what stops, loops or springs do is trebucheck's; “dynamics”: its mass matrix, forces, "
-    "energies and points, in trebucheck's steps. Agreement speaks for an engine's own parts alone."
+from ..document import (
+    GridCell,
+    GridColumn,
+    GridRow,
+    format_number,
+    format_settings,
+    format_value,
 )
+
+STATES: Mapping[Outcome, doc.VerdictSign] = {
+    Outcome.AGREES: doc.VerdictSign("agrees", "✓", "agrees", "agree"),
+    Outcome.DISAGREES: doc.VerdictSign("disagrees", "✗", "disagrees", "disagree"),
+    Outcome.NOT_JUDGED: doc.VerdictSign("unjudged", "○", "not judged", "not judged"),
+    Outcome.NOT_EQUIVALENT: doc.VerdictSign("other", "≠", "another model", "another model"),
+    Outcome.FAILED: doc.VerdictSign("failed", "!", "failed", "failed"),
+    Outcome.TIMED_OUT: doc.VerdictSign("unfinished", "…", "not finished", "not finished"),
+    Outcome.ABSENT: doc.VerdictSign("absent", "?", "not installed", "not installed"),
+    Outcome.UNSUPPORTED: doc.VerdictSign(
+        "refused", "–", "not built by our adapter", "not built by our adapters"
+    ),
+}
+"""Verdicts with their signs."""
+_NOT_RUN = "·"
+_NOT_KEPT = "not kept in this file"
 _UNSTATED = "not stated"
 _SCHEME_UNSTATED = "scheme not stated"
-_WORDS: dict[Outcome, str] = {
-    Outcome.NOT_EQUIVALENT: "another model",
-    Outcome.FAILED: "failed",
-    Outcome.TIMED_OUT: "not finished",
-    Outcome.ABSENT: "not installed",
-    Outcome.UNSUPPORTED: "refused",
+_SHARES: Mapping[str, str] = {
+    Own.ALL: "all of the run",
+    Own.MOST: "most of the run",
+    Own.STEPS: "its dynamics and its steps, not what stops, loops or springs do",
+    Own.DYNAMICS: "its dynamics alone, in trebucheck's steps",
+    _UNSTATED: "not stated by the adapter",
 }
+_APART = "Dynamics alone: the steps are trebucheck's (not counted)"
 _READING = (
-    "✓ every judged quantity holds its tolerance, ✗ at least one breaks it, ○ not judged (never "
-    "counted as agreement), refused: the engine cannot, in its own words below, not finished: a "
-    "run had so much time and no more. The number is the largest error of a marker's position in "
-    "parts of the mechanism's size, which is the same for all engines; tolerances are not: an "
-    "engine's own claims, or a thousandth of each scale."
+    "✓: every judged quantity holds its tolerance. ✗: at least one breaks it, and the letter is "
+    f"the one farthest beyond: {', '.join(f'{key} {name}' for key, name in SYMBOLS.items())}. "
+    "○: not judged, never counted as agreement. –: our adapter does not build it, which says "
+    "nothing of the engine. …: not finished in its limit of time. ≠: the built model is another "
+    f"one. {_NOT_RUN}: not run."
 )
-_QUANTITY = (
-    "Largest error in parts of the quantity's scale; ✓ and ✗ by the tolerances, ○ not judged, "
-    "– not told."
-)
-_KINDS: tuple[tuple[str, Callable[[MatrixProblem], bool]], ...] = (
-    ("Without stops and loops", lambda problem: not problem.stops and not problem.loops),
-    ("With loops", lambda problem: problem.loops and not problem.stops),
-    ("With stops", lambda problem: problem.stops),
+_OWN = (
+    "A cell with a corner: trebucheck decides when stops open and are met, finds impulses of "
+    "impacts, or adds or reads forces. A striped one: what stops, loops or springs do is "
+    "trebucheck's. Agreement speaks for an engine's own parts alone."
 )
 
 
 def document(matrix: Matrix) -> doc.Document:
     """The whole."""
-    outcomes = Counter(run.outcome for run in matrix.runs)
-    listed = ", ".join(f"{outcomes[name]} {name.value}" for name in Outcome if outcomes[name])
-    engines = len({run.engine for run in matrix.runs})
-    runs = f"{len(matrix.runs)} runs: {listed}"
-    line = f"{engines} engines on {len(matrix.problems)} problems, {runs}."
-    shares = Counter(_own(matrix, run) for run in matrix.runs if run.outcome is Outcome.AGREES)
-    degrees = ", ".join(f"{name} in {shares[name]}" for name in _DEGREES if shares[name])
+    counted = counted_runs(matrix)
+    line = counts_line(matrix, counted)
     blocks: list[doc.Block] = [
-        doc.Text(line),
-        doc.Heading("Verdicts", 2),
-        doc.Note(_READING),
-        doc.Text(f"Of {shares.total()} agreements the engine's own is: {degrees or 'none'}."),
-        doc.Note(_SHARES),
-        *_tables(matrix, _verdict, leading=True),
+        doc.Text(line, medium="terminal"),
+        _Grid(matrix).block(),
+        *_dynamics(matrix),
     ]
-    supplied = {run.label: parts(run.supplied) for run in matrix.runs if run.supplied is not None}
-    if supplied:
-        rows = [(label, text or "nothing") for label, text in sorted(supplied.items())]
-        blocks += [
-            doc.Heading("What is the engine's own", 2),
-            doc.Note("All but what trebucheck supplies, as each adapter says."),
-            doc.table((_ENGINE, doc.words("trebucheck supplies")), rows),
-        ]
     explained = [doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in spreads(matrix)]
-    if explained:
-        blocks += [
-            doc.Heading("Scheme or implementation", 2),
-            doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that."),
-            doc.Listing(tuple(explained)),
-        ]
-    blocks += [doc.Heading("By quantity", 2), doc.Note(_QUANTITY)]
-    for metric, title in SHOWN.items():
-        if any(run.error(metric) for run in matrix.runs):
-            blocks.append(doc.Heading(title.capitalize(), 3))
-            blocks += _tables(matrix, partial(_quantity, metric=metric))
-    blocks += [*_missing(matrix), *_causes(matrix), *_provenance(matrix)]
-    return doc.Document("Matrix", tuple(blocks), command=matrix.command or "", verdict=line)
-
-
-# --- Engines against problems
-
-_DEGREES = (*map(str, Own), _UNSTATED)
-
-
-def _own(matrix: Matrix, run: MatrixRun) -> str:
-    """Share of a run that is the engine's."""
-    if run.supplied is None:
-        return _UNSTATED
-    problem = next(problem for problem in matrix.problems if problem.name == run.problem)
-    affected = concerned(
-        stops=problem.stops,
-        impacts=problem.stop_law == StopLaw.UNILATERAL,
-        loops=problem.loops,
-        elements=problem.elements,
+    rounding = doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
+    for title, parts_of_page in (
+        ("Scheme or implementation", (rounding, doc.Listing(tuple(explained)))),
+        ("What our adapters do not build, and what did not end", tuple(_missing(matrix))),
+        ("Causes", tuple(_causes(matrix))),
+        ("Problems and versions", tuple(_provenance(matrix))),
+    ):
+        shown = [part for part in parts_of_page if not isinstance(part, doc.Note)]
+        if any(part != doc.Listing(()) for part in shown):
+            blocks.append(doc.Fold(title, parts_of_page))
+            blocks += map(doc.terminal_only, shown)
+    return doc.Document(
+        "Engines and problems",
+        tuple(blocks),
+        window="trebucheck: engines and problems",
+        command=matrix.command or "",
+        verdict=line,
+        wide=True,
     )
-    return own(run.supplied, affected)
 
 
-_ENGINE = doc.words("engine", wrap=False)
-_LEADING = (doc.words("own"), doc.words("order", wrap=False), doc.words("agrees"))
-_WIDEST = 6  # problems in a table, with which it fits a screen of 1280 pixels
+def summary(matrix: Matrix, links: Mapping[str, str]) -> doc.Document:
+    """The counts and the grid as tables, for a page that is read without scripts.
 
-
-_Show = Callable[[MatrixRun], doc.Cell]
-
-
-def _tables(matrix: Matrix, show: _Show, *, leading: bool = False) -> Iterator[doc.Table]:
-    """A table for each kind of problem: engines by scheme against problems.
-
-    Leading columns: the engine's own share, its order, and on how many of its problems it agrees.
+    Args:
+        matrix: the runs.
+        links: address of the page of an engine, by its name.
     """
-    heads = (_ENGINE, *_LEADING) if leading else (_ENGINE,)
-    shown = {run.problem for run in matrix.runs if show(run).text}
-    for title, belongs in _KINDS:
-        problems = [each for each in matrix.problems if each.name in shown and belongs(each)]
-        # In parts as wide as a page, about the same number each.
-        count = math.ceil(len(problems) / _WIDEST)
-        ends = [round(k * len(problems) / count) for k in range(count + 1)] if count else []
-        for start, end in pairwise(ends):
-            part, caption = problems[start:end], title
-            if len(part) < len(problems):
-                caption = f"{title}: {part[0].title} to {part[-1].title}"
-            columns = (doc.Column(problem.title, align="left", wrap=False) for problem in part)
-            rows = _rows(matrix, part, show, leading=leading)
-            yield doc.table([*heads, *columns], rows, caption)
+    grid = _Grid(matrix, links)
+    blocks: list[doc.Block] = [
+        doc.Text(counts_line(matrix, counted_runs(matrix))),
+        doc.Listing(tuple(_counts_by_preset(matrix))),
+        doc.Note(_READING),
+        *grid.compact(),
+        *_dynamics(matrix),
+    ]
+    return doc.Document("", tuple(blocks))
 
 
-def _rows(
-    matrix: Matrix, problems: Sequence[MatrixProblem], show: _Show, *, leading: bool
-) -> Iterator[doc.Row]:
-    absent = doc.Cell("not run", "muted")
-    for scheme, labels in matrix.schemes().items():
+# --- Counts
+
+
+def counted_runs(matrix: Matrix) -> list[MatrixRun]:
+    """Runs that verdicts are counted of: those that engines move themselves."""
+    return [run for run in matrix.runs if not run.is_dynamics]
+
+
+def _counts(runs: Iterable[MatrixRun]) -> str:
+    outcomes = Counter(run.outcome for run in runs)
+    return ", ".join(
+        f"{outcomes[outcome]} {state.counted}"
+        for outcome, state in STATES.items()
+        if outcomes[outcome]
+    )
+
+
+def counts_line(matrix: Matrix, runs: list[MatrixRun]) -> str:
+    """Number of engines, problems, runs and verdicts in a line."""
+    engines = len({run.engine for run in runs})
+    line = f"{engines} engines on {len(matrix.problems)} problems, {len(runs)} runs: "
+    line += f"{_counts(runs)}."
+    apart = len(matrix.runs) - len(runs)
+    if apart:
+        line += f" {apart} runs in trebucheck's steps stand apart."
+    return line
+
+
+def _counts_by_preset(matrix: Matrix) -> Iterator[doc.Text]:
+    """Verdicts of each preset, and how much of the agreements is the engine's own."""
+    for preset in matrix.presets:
+        runs = [run for run in counted_runs(matrix) if run.preset == preset]
+        if not runs:
+            continue
+        problems = {problem.name: problem for problem in matrix.problems}
+        own: Counter[str] = Counter()
+        for run in runs:
+            if run.outcome is Outcome.AGREES:
+                own[_own(run, problems[run.problem])] += 1
+        shares = ", ".join(f"{name} in {own[name]}" for name in _SHARES if own[name])
+        text = f"{_counts(runs)}. The engine's own of the agreements: {shares or 'none'}."
+        yield doc.Text(text, lead=f"{preset}:")
+
+
+def _own(run: MatrixRun, problem: MatrixProblem) -> str:
+    """Share of a run that is the engine's."""
+    return run.own_on(problem) or _UNSTATED
+
+
+# --- The grid
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Engines by scheme against problems by class."""
+
+    matrix: Matrix
+    links: Mapping[str, str] | None = None
+
+    @cached_property
+    def _runs(self) -> Mapping[tuple[str, str], MatrixRun]:
+        """Runs by label and problem."""
+        return {(run.label, run.problem): run for run in self.matrix.runs}
+
+    @cached_property
+    def _labels(self) -> Mapping[str, list[str]]:
+        """Labels of engines that move themselves, in the order of their presets."""
+        labels: dict[str, list[str]] = {}
+        for preset in self.matrix.presets:
+            for run in counted_runs(self.matrix):
+                of_engine = labels.setdefault(run.engine, [])
+                if run.preset == preset and run.label not in of_engine:
+                    of_engine.append(run.label)
+        return dict(sorted(labels.items()))
+
+    def block(self) -> doc.VerdictGrid:
+        """The grid for a page, with its tables for other media."""
+        rows: list[GridRow] = []
+        apart: list[GridRow] = []
+        for scheme, labels in self.matrix.schemes().items():
+            for label in labels:
+                row = self._row(scheme or _SCHEME_UNSTATED, label)
+                (apart if row.apart else rows).append(row)
+        return doc.VerdictGrid(
+            states=tuple(STATES.values()),
+            presets=self.matrix.presets,
+            rows=(*rows, *apart),
+            columns=tuple(map(_column, self.matrix.problems)),
+            leading=("order", "agrees"),  # the script counts the last one's shown columns
+            shares=tuple(_SHARES),
+            legend=f"{_READING} {_OWN}",
+            apart=_APART,
+            compact=tuple(self.compact()),
+        )
+
+    def _row(self, scheme: str, label: str) -> GridRow:
+        problems = self.matrix.problems
+        runs = [self._runs.get((label, problem.name)) for problem in problems]
+        made = [run for run in runs if run is not None]
+        cells: list[GridCell | None] = []
+        for run, problem in zip(runs, problems, strict=True):
+            cells.append(None if run is None else _cell(run, problem))
+        agreeing = f"{sum(run.outcome is Outcome.AGREES for run in made)}/{len(made)}"
+        order, basis = _order(self.matrix, label)
+        first = made[0]
+        supplied = _UNSTATED
+        if first.supplied is not None:
+            supplied = parts(first.supplied) or "nothing"
+        facts = (
+            ("scheme", scheme),
+            ("order", f"{order}, {basis}"),
+            ("agrees", f"on {agreeing.replace('/', ' of ')} problems"),
+            ("trebucheck supplies", supplied),
+            *_cost(made),
+            ("version", _joined(f"{run.engine} {run.engine_version}" for run in made)),
+            ("runs of", _joined(run.date for run in made)),
+        )
+        return GridRow(
+            engine=first.engine,
+            preset=first.preset,
+            group=scheme,
+            cells=tuple(cells),
+            leading=(order, agreeing),
+            card=doc.Card(label, facts=facts),
+            apart=first.is_dynamics,
+        )
+
+    def compact(self) -> Iterator[doc.Table]:
+        """Signs of all presets of an engine in a cell: problems by class against engines."""
+        heads = [doc.words("problem", wrap=False)]
+        for engine in self._labels:
+            link = (self.links or {}).get(engine)
+            title = f"[{engine}]({link})" if link else engine
+            heads.append(doc.Column(title, align="left", wrap=False))
         rows: list[doc.Row] = []
-        for label in labels:
-            runs = [matrix.run(label, problem.name) for problem in problems]
-            cells = (absent if run is None else show(run) for run in runs)
-            if leading:
-                compared = [run for run in runs if run and run.outcome in COMPARED]
-                shares = (_own(matrix, run) for run in compared)
-                least = max(shares, key=_DEGREES.index, default="")
-                every = [*matrix.of(label)]
-                agreeing = f"{sum(run.outcome is Outcome.AGREES for run in every)} of {len(every)}"
-                rows.append(doc.row(label, least, _order(matrix, label), agreeing, *cells))
-            elif any(runs):
-                rows.append(doc.row(label, *cells))
-        if rows:
-            yield doc.row(doc.Cell(scheme or _SCHEME_UNSTATED, "strong"))
-            yield from rows
+        group = ""
+        for problem in self.matrix.problems:
+            if problem.group != group:
+                group = problem.group
+                rows.append(doc.row(doc.Cell(group, "strong")))
+            cells = [problem.name]
+            for labels in self._labels.values():
+                signs = (_sign(self._runs.get((label, problem.name))) for label in labels)
+                cells.append(" ".join(signs))
+            rows.append(doc.row(*cells))
+        caption = "Verdicts"
+        if len(self.matrix.presets) > 1:
+            order = ", ".join(self.matrix.presets)
+            caption += f", in the order {order}, of those that an engine has"
+        yield doc.table(heads, rows, caption)
 
 
-def _order(matrix: Matrix, label: str) -> doc.Cell:
-    """Order, measured or else as declared, which is said; of an error at a floor, the floor."""
+def _sign(run: MatrixRun | None) -> str:
+    """Sign of a verdict, with the symbol of the quantity farthest beyond its tolerance."""
+    if run is None:
+        return _NOT_RUN
+    return STATES[run.outcome].sign + _symbol(run)
+
+
+def _symbol(run: MatrixRun) -> str:
+    if run.outcome is not Outcome.DISAGREES or run.worst is None:
+        return ""
+    return run.worst.kind.symbol
+
+
+def _column(problem: MatrixProblem) -> GridColumn:
+    entry = find_benchmark(problem.name)
+    features = [
+        name
+        for name, has in (
+            ("stops", problem.stops),
+            ("loops of joints", problem.loops),
+            ("springs, dampers or motors", problem.elements),
+        )
+        if has
+    ]
+    elements = _NOT_KEPT
+    if problem.features is not None:
+        elements = ", ".join(problem.features) or "pins, slots and stops on the ground alone"
+    facts = (
+        ("class", problem.group),
+        ("elements", elements),
+        ("judged to", f"{problem.judged_to:.6g} s"),
+        ("law of the stops", problem.stop_law if problem.stops else "it has none"),
+        ("mechanism's hash", problem.mechanism_hash[:16]),
+        *((("source", entry.source),) if entry is not None else ()),
+    )
+    lead = "" if entry is None else f"{entry.text[:1].upper()}{entry.text[1:]}."
+    return GridColumn(
+        name=problem.name,
+        group=problem.group,
+        features=(*features, *(problem.features or ())),
+        card=doc.Card(problem.name, lead, facts=facts),
+    )
+
+
+def _cell(run: MatrixRun, problem: MatrixProblem) -> GridCell:
+    state, own = STATES[run.outcome], _own(run, problem)
+    lead = _lead(run)
+    facts = [
+        *_why(run),
+        ("the engine's own", _own_text(run, own)),
+        ("settings", _NOT_KEPT if run.settings is None else format_settings(run.settings)),
+        *_cost([run]),
+        ("versions", f"{run.engine} {run.engine_version}, trebucheck {run.made_by}, {run.date}"),
+    ]
+    if any(error.judged is None for error in run.errors):
+        facts.insert(0, ("quantities", "others are not kept in this file"))
+    command = command_of(run, problem)
+    return GridCell(
+        state=state.name,
+        label=lead,
+        card=doc.Card(
+            f"{run.label}: {problem.name}", lead, tuple(_quantities(run)), tuple(facts), command
+        ),
+        symbol=_symbol(run),
+        heat=_heat(run),
+        own=own,
+    )
+
+
+def _lead(run: MatrixRun) -> str:
+    """The verdict in a sentence."""
+    held = f"{run.held} of {run.judged} judged figures hold"
+    limit = "its limit of time" if run.time_limit is None else f"{run.time_limit:g} s"
+    sentences: Mapping[Outcome, str] = {
+        Outcome.AGREES: f"Agrees: {held}; the farthest, {_farthest(run)}.",
+        Outcome.DISAGREES: f"Disagrees: {_farthest(run)}; {held}.",
+        Outcome.NOT_JUDGED: f"Not judged: a quantity has no tolerance; {held}.",
+        Outcome.NOT_EQUIVALENT: "The built model is another one: its motion was not compared.",
+        Outcome.FAILED: "The run failed.",
+        Outcome.TIMED_OUT: f"Not finished in {limit}, and stopped.",
+        Outcome.ABSENT: "The engine is not installed.",
+        Outcome.UNSUPPORTED: f"Our adapter of {run.engine} does not build it; the engine may.",
+    }
+    return sentences[run.outcome]
+
+
+def _farthest(run: MatrixRun) -> str:
+    """The figure farthest beyond its tolerance, or nearest to it, and how far."""
+    if run.worst is None:
+        return "no figure"
+    name = _figure(run.worst.label)
+    if run.worst.ratio is None:
+        return f"{name} is missing"
+    if run.worst.ratio > 1.0:
+        return f"{name} is {_size(run.worst.ratio)} times its tolerance"
+    return f"{name} is at {_size(run.worst.ratio)} of its tolerance"
+
+
+def _size(ratio: float | None) -> str:
+    """An error over its tolerance; None or infinite: there is no figure."""
+    if ratio is None or math.isinf(ratio):
+        return "missing"
+    return format_number(ratio)
+
+
+def _figure(label: str) -> str:
+    """Title of a metric's label, with its subject."""
+    name, subject = parse_label(label)
+    title = _title(name) if name in QUANTITIES else name
+    return title if subject is None else f"{title} of {subject}"
+
+
+def _title(metric: str) -> str:
+    return QUANTITIES[metric].title.replace("-", " ")
+
+
+def _why(run: MatrixRun) -> Iterator[tuple[str, str]]:
+    """Own words of the adapter or the failure, what broke first, and its cause."""
+    if run.message:
+        refused = run.outcome is Outcome.UNSUPPORTED
+        yield "the adapter's words" if refused else "message", run.message
+    if run.first_in is not None:
+        when = "before any motion"
+        if run.first_at is not None:
+            when = f"at {run.first_at:.6g} s"
+        elif run.settings is None:
+            when = f"when is {_NOT_KEPT}"
+        yield "broke first", f"{_figure(run.first_in)}, {when}"
+    if run.outcome is Outcome.DISAGREES:
+        yield "likeliest cause", _cause(run)
+
+
+def _cause(run: MatrixRun) -> str:
+    if run.first_in is None:
+        return "not looked for"
+    if not run.causes:
+        return "unknown"
+    share = ""
+    if run.explained is not None:
+        share = f", which explains {100 * run.explained:.1f} % of it"
+    return " or ".join(run.causes) + share
+
+
+def _own_text(run: MatrixRun, own: str) -> str:
+    if run.supplied is None:
+        return _SHARES[own]
+    return f"{_SHARES[own]}; trebucheck supplies: {parts(run.supplied) or 'nothing'}"
+
+
+def _cost(runs: list[MatrixRun]) -> Iterator[tuple[str, str]]:
+    """Steps and wall time, of several runs from the least to the largest."""
+    timed = [run for run in runs if run.wall_time is not None]
+    if not timed:
+        if any(run.settings is None and run.outcome in COMPARED for run in runs):
+            yield "cost", _NOT_KEPT
+        return
+    steps = _span(((run.steps or 0) for run in timed), "d")
+    walls = _span((run.wall_time or 0.0 for run in timed), ".2g")
+    yield "cost", f"{steps} steps, {walls} s"
+
+
+def _span(values: Iterable[float], form: str) -> str:
+    ordered = sorted(values)
+    low, high = format(ordered[0], form), format(ordered[-1], form)
+    return low if low == high else f"{low} to {high}"
+
+
+def _joined(texts: Iterable[str]) -> str:
+    return ", ".join(sorted(set(texts)))
+
+
+def _quantities(run: MatrixRun) -> Iterator[doc.QuantityRow]:
+    """Errors by quantity, the farthest beyond its tolerance first, what is not judged last."""
+    errors = [*run.errors]
+    if run.worst is not None:
+        # Files of earlier releases keep the ratio of the worst figure, and not always its error.
+        metric, subject = parse_label(run.worst.label)
+        error = run.error(metric)
+        if error is None or (error.judged is None and error.subject != subject):
+            errors = [each for each in errors if each is not error]
+            yield doc.QuantityRow(
+                quantity=_title(metric),
+                subject=subject or "",
+                error=_NOT_KEPT,
+                ratio=_size(run.worst.ratio),
+                holds=run.worst.ratio is not None and run.worst.ratio <= 1.0,
+            )
+    yield from map(_quantity, sorted(errors, key=_place))
+
+
+def _place(error: Error) -> float:
+    """Key that puts the farthest beyond its tolerance first, and what is not judged last."""
+    return math.inf if error.ratio is None else -error.ratio
+
+
+def _quantity(error: Error) -> doc.QuantityRow:
+    value, ratio, tolerance, part, count = format_number(error.value), "", "", "", ""
+    if not error.kept:
+        value = ratio = _NOT_KEPT
+    elif error.value is None:
+        value = error.note or "missing"
+    elif error.ratio is not None:
+        ratio = format_number(error.ratio)
+    if error.tolerance is not None:
+        tolerance = format_number(error.tolerance)
+    if error.part is not None and error.observed:
+        part = format_number(error.part)
+    if error.judged:
+        count = f"{error.held} of {error.judged}"
+    return doc.QuantityRow(
+        quantity=_title(error.metric),
+        subject=error.subject or "",
+        error=value,
+        tolerance=tolerance,
+        unit=error.unit if error.unit != "1" else "",
+        ratio=ratio,
+        holds=error.holds,
+        part=part,
+        count=count,
+    )
+
+
+_HEAT = 4.0  # powers of ten beyond a tolerance from which cells are alike
+
+
+def _heat(run: MatrixRun) -> float:
+    """How far beyond its tolerance a run is, from 0 to 1."""
+    if run.outcome is not Outcome.DISAGREES or run.worst is None:
+        return 0.0
+    return min(1.0, math.log10(max(_ratio(run), 1.0)) / _HEAT)
+
+
+def _order(matrix: Matrix, label: str) -> tuple[str, str]:
+    """Order of an engine's error in the step, and where it comes from."""
     orders = [order for order in matrix.orders if order.label == label]
     # Where a sweep begins at the floor of rounding it finds no power; another one may.
     orders.sort(key=lambda order: order.exponent is None)
     if not orders:
         declared = next(iter(matrix.of(label))).order
-        return doc.Cell("none (declared)" if declared is None else f"{declared:g} (declared)")
-    order, what, hint = orders[0], "none", ""
+        return "–" if declared is None else f"{declared:g}", "declared, not measured"
+    order = orders[0]
     if order.exponent is not None:
-        what = f"{order.exponent:.3f} ± {order.half_width or 0.0:.3f}"
-    elif order.floor is not None:
-        what, hint = f"none: floor {format_number(order.floor)} m", f"set by: {order.floor_cause}"
-    return doc.Cell(f"{what} ({order.problem})", hint=hint)
+        width = order.half_width or 0.0
+        return f"{order.exponent:.2f}", f"measured on {order.problem}, ± {width:.3f}"
+    if order.floor is None:
+        return "–", f"no power of the step was found on {order.problem}"
+    floor = f"floor of {format_number(order.floor)} m on {order.problem}"
+    return "–", f"{floor}, set by {order.floor_cause}" if order.floor_cause else floor
 
 
-def _verdict(run: MatrixRun) -> doc.Cell:
-    if run.outcome not in COMPARED:
-        limit = "" if run.time_limit is None else f" in {run.time_limit:g} s"
-        return doc.Cell(_WORDS[run.outcome] + limit, MARKS[run.outcome], hint=run.message or "")
-    error = run.error("position_max")
-    text = format_number(None if error is None else error.part)
-    hint = f"{run.held} of {run.judged} hold; farthest "
-    if run.worst is not None:
-        hint += f"{run.worst.label}: {format_number(run.worst.ratio)} of its tolerance"
-    if run.first_in is not None:
-        hint += f"; likeliest cause: {' or '.join(run.causes) or 'unknown'}"
-    mark: doc.Mark = "unjudged" if run.outcome is Outcome.NOT_JUDGED else MARKS[run.outcome]
-    return doc.Cell(text, mark, hint=hint)
+# --- Dynamics, refusals, causes, versions
 
 
-def _quantity(run: MatrixRun, metric: str) -> doc.Cell:
-    error = run.error(metric)
-    if error is None:
-        return doc.Cell("")
-    if not error.observed:
-        return doc.Cell("–", "muted", hint=error.note or "")
-    value = f"{format_number(error.value)} {error.unit}, tolerance {format_number(error.tolerance)}"
-    text = "missing" if error.part is None else format_number(error.part)
-    hint = error.note or " ".join(filter(None, (error.subject, value)))
-    return doc.Cell(text, judged_mark(error.holds), hint=hint)
+def _dynamics(matrix: Matrix) -> Iterator[doc.Block]:
+    """Mass matrices, forces and accelerations of engines that trebucheck's steps move."""
+    rows: list[tuple[object, ...]] = []
+    for each in matrix.dynamics:
+        for check in each.checks:
+            value = doc.Cell(format_number(check.value), doc.mark_of(check.holds))
+            names = (each.label, each.engine_version, each.problem, check.label)
+            rows.append((*names, value, format_number(check.tolerance), check.unit, each.states))
+    if rows:
+        yield doc.Heading("Dynamics", 2)
+        yield doc.Note(
+            "Engines whose steps are trebucheck's: their built model against the reference's "
+            "equations in random states."
+        )
+        heads = "engine | version | problem | quantity | error | tolerance | unit | states"
+        yield doc.table(heads, rows)
 
 
-# --- Refusals, causes, versions
+_ENGINE = doc.words("engine", wrap=False)
 
 
 def _missing(matrix: Matrix) -> Iterator[doc.Block]:
-    """Refusals and failures in their own words, once each."""
+    """Refusals of our adapters and failures, once each."""
     groups = _grouped(
         (run for run in matrix.runs if run.outcome not in COMPARED),
-        lambda run: (run.engine, run.outcome.value, run.message or "no reason was given"),
+        lambda run: (run.engine, STATES[run.outcome].label, run.message or "no reason was given"),
     )
     rows: list[tuple[str, ...]] = []
     for (engine, outcome, message), runs in groups.items():
-        rows.append((engine, outcome, _titles(matrix, runs), message))
+        rows.append((engine, outcome, _presets(runs), _names(runs), message))
     if rows:
-        yield doc.Heading("What is missing", 2)
-        heads = (_ENGINE, *map(doc.words, ("why", "problems", "in its words")))
+        yield doc.Note("The words are those of adapters and runs; an engine may well do more.")
+        heads = (_ENGINE, *map(doc.words, ("verdict", "presets", "problems", "in words")))
         yield doc.table(heads, rows)
 
 
@@ -232,22 +575,22 @@ def _causes(matrix: Matrix) -> Iterator[doc.Block]:
     rows: list[tuple[str, ...]] = []
     for group, runs in groups.items():
         farthest = "before any motion"
-        figures = [run.worst for run in runs if run.worst is not None]
+        figures = [run for run in runs if run.worst is not None]
         if figures:  # a missing one is farther than all others
-            worst = max(figures, key=lambda each: math.inf if each.ratio is None else each.ratio)
-            ratio = "missing"
-            if worst.ratio is not None:
-                ratio = f"{format_number(worst.ratio)} of its tolerance"
-            farthest = f"{worst.label}: {ratio}"
-        rows.append((*group, _titles(matrix, runs), farthest))
+            farthest = _farthest(max(figures, key=_ratio))
+        rows.append((*group, _names(runs), farthest))
     if rows:
-        yield doc.Heading("Causes", 2)
         yield doc.Note(
             "The suspects that account for the difference, solved again with the size found; or "
             "unknown."
         )
         heads = (_ENGINE, *map(doc.words, ("likeliest cause", "problems", "farthest off")))
         yield doc.table(heads, rows)
+
+
+def _ratio(run: MatrixRun) -> float:
+    ratio = None if run.worst is None else run.worst.ratio
+    return math.inf if ratio is None else ratio
 
 
 def _grouped(
@@ -259,29 +602,249 @@ def _grouped(
     return dict(sorted(groups.items()))
 
 
-def _titles(matrix: Matrix, runs: Iterable[MatrixRun]) -> str:
-    titles = {problem.name: problem.title for problem in matrix.problems}
-    return ", ".join(dict.fromkeys(titles.get(run.problem, run.problem) for run in runs))
+def _names(runs: Iterable[MatrixRun]) -> str:
+    return ", ".join(dict.fromkeys(run.problem for run in runs))
+
+
+def _presets(runs: Iterable[MatrixRun]) -> str:
+    return ", ".join(dict.fromkeys(run.preset for run in runs))
 
 
 def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
-    yield doc.Heading("Problems and versions", 2)
     problems: list[tuple[str, ...]] = []
     for p in matrix.problems:
-        number, judged_to, digest = p.number or "machine", f"{p.judged_to:.6g}", p.mechanism_hash
-        problems.append((number, p.name, judged_to, p.stop_law, digest[:16]))
-    yield doc.table("number | problem | judged to [s] | law of the stops | hash", problems)
+        problems.append((p.name, p.group, f"{p.judged_to:.6g}", p.stop_law, p.mechanism_hash[:16]))
+    yield doc.table("problem | class | judged to [s] | law of the stops | hash", problems)
     by_engine = _grouped(matrix.runs, lambda run: (run.engine, run.engine_version, run.made_by))
     rows: list[tuple[str, ...]] = []
     for made_by, runs in by_engine.items():
-        steps: dict[str, list[float]] = {}  # by preset
-        for run in runs:
-            if run.timestep:
-                steps.setdefault(run.preset, []).append(run.timestep)
         spans: list[str] = []
-        for preset, values in sorted(steps.items()):
-            low, high = f"{min(values):.2g}", f"{max(values):.2g}"
-            spans.append(f"{preset} {low}" if low == high else f"{preset} {low} to {high}")
-        rows.append((*made_by, ", ".join(sorted({run.date for run in runs})), "; ".join(spans)))
+        for preset in matrix.presets:
+            steps = [run.timestep for run in runs if run.preset == preset and run.timestep]
+            if steps:
+                spans.append(f"{preset} {_span(steps, '.2g')}")
+        rows.append((*made_by, _joined(run.date for run in runs), "; ".join(spans)))
     heads = ["engine", "version", "trebucheck", "date of the runs", doc.words("steps [s]")]
     yield doc.table(heads, rows)
+
+
+# --- The page of one engine
+
+
+def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: str) -> doc.Document:
+    """What an engine keeps, breaks and refuses, by its runs alone, and the settings of its presets.
+
+    Args:
+        matrix: runs of all engines.
+        engine: its name.
+        study: its title, binding and note.
+        dispute: where to dispute the page, as a sentence.
+
+    Raises:
+        InputError: it has no run.
+    """
+    runs = [run for run in matrix.runs if run.engine == engine]
+    if not runs:
+        raise InputError(f"there is no run of {engine!r} among the results.")
+    presets = [preset for preset in matrix.presets if any(run.preset == preset for run in runs)]
+    sides = [_Side(matrix, engine, preset) for preset in presets]
+    title = study.title or engine
+    version = _joined(run.engine_version for run in runs)
+    binding = f", by {study.binding}" if study.binding else ""
+    made = f"trebucheck {_joined(run.made_by for run in runs)}, {_joined(r.date for r in runs)}"
+    blocks: list[doc.Block] = [
+        doc.Text(f"{title} {version}{binding}. Runs by {made}."),
+        doc.table("preset | scheme | order | agrees | own | cost | verdicts", map(_short, sides)),
+        doc.Heading("What was set, and what would change it", 2),
+        *_note(study, sides, version),
+        doc.Heading("By problem", 2),
+        doc.Note(_READING),
+        doc.table(("problem", *presets), _by_problem(matrix, sides)),
+        doc.Heading("What it keeps and breaks", 2),
+        doc.Note("Problems on which a quantity holds, and the worst: error over tolerance."),
+        doc.table(("quantity", *presets), _by_quantity(sides)),
+        *_refused(matrix, runs),
+        doc.Heading("Settings", 2),
+        *_settings(sides),
+        doc.Heading("What is its own", 2),
+        doc.Listing(tuple(side.own for side in sides)),
+        doc.Heading("Where to dispute it", 2),
+        doc.Text(dispute),
+    ]
+    heading = f"{title}: what it keeps, breaks and refuses, and the settings to use"
+    return doc.Document(heading, tuple(blocks))
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Runs of an engine with a preset; in a note's template `plain`, `best`, `presets[...]`."""
+
+    matrix: Matrix
+    engine: str
+    preset: str
+
+    @cached_property
+    def runs(self) -> Mapping[str, MatrixRun]:
+        """Its runs by problem."""
+        return {run.problem: run for run in self.matrix.of(f"{self.engine} {self.preset}")}
+
+    @property
+    def agrees(self) -> str:
+        """Number of problems on which it agrees."""
+        agreeing = sum(run.outcome is Outcome.AGREES for run in self.runs.values())
+        return f"{agreeing} of {len(self.runs)}"
+
+    @property
+    def order(self) -> str:
+        """Order of its error in the step, and where it comes from."""
+        order, basis = _order(self.matrix, f"{self.engine} {self.preset}")
+        return f"{order} ({basis})"
+
+    @property
+    def own(self) -> doc.Text:
+        """Parts of its runs that are trebucheck's."""
+        supplied = next(iter(self.runs.values())).supplied
+        text = _UNSTATED if supplied is None else parts(supplied) or "nothing"
+        return doc.Text(f"trebucheck supplies: {text}.", lead=f"{self.preset}:")
+
+    def error(self, problem: str, quantity: str) -> str:
+        """Error on a problem in a quantity, with its unit."""
+        found = self._found(problem, quantity)
+        return f"{format_number(found.value)} {found.unit}" if found.kept else _NOT_KEPT
+
+    def ratio(self, problem: str, quantity: str) -> str:
+        """That error over its tolerance."""
+        found = self._found(problem, quantity)
+        return format_number(found.ratio) if found.kept else _NOT_KEPT
+
+    def step(self, problem: str) -> str:
+        """Time step on a problem."""
+        return f"{format_number(self.runs[problem].timestep)} s"
+
+    def setting(self, option: str) -> str:
+        """Value of an option, the same on all problems or from the least to the largest."""
+        return dict(_options(self)).get(option, _NOT_KEPT)
+
+    def _found(self, problem: str, quantity: str) -> Error:
+        for error in self.runs[problem].errors:
+            if _title(error.metric) == quantity:
+                return error
+        raise InputError(f"{self.engine} {self.preset} has no {quantity} on {problem!r}.")
+
+
+def _short(side: _Side) -> tuple[object, ...]:
+    """A preset in a line."""
+    runs = [*side.runs.values()]
+    problems = {problem.name: problem for problem in side.matrix.problems}
+    own = [_own(run, problems[run.problem]) for run in runs if run.outcome in COMPARED]
+    least = max(own, key=[*_SHARES].index, default="")
+    scheme = runs[0].scheme or _SCHEME_UNSTATED
+    cost = dict(_cost(runs)).get("cost", "")
+    return side.preset, scheme, side.order, side.agrees, least, cost, _counts(runs)
+
+
+def _note(study: EngineStudy, sides: list[_Side], version: str) -> Iterator[doc.Block]:
+    """The maintainers' note, its numbers read from the runs."""
+    note = study.maintainers_note
+    if note is None:
+        yield doc.Text("No note is written yet.")
+        return
+    values = {
+        "plain": sides[0],
+        "best": sides[-1],
+        "presets": {side.preset: side for side in sides},
+        "version": version,
+    }
+    environment = Environment(undefined=StrictUndefined, autoescape=False)  # it is no HTML
+    for lead, template in (
+        ("What was set, and why:", note.chosen),
+        ("What was not possible:", note.not_possible),
+        ("What would change it:", note.would_change),
+    ):
+        yield doc.Text(environment.from_string(template).render(values), lead=lead)
+
+
+def _by_problem(matrix: Matrix, sides: list[_Side]) -> Iterator[doc.Row]:
+    """The verdict of each preset on each problem, with the figure that decides it."""
+    group = ""
+    for problem in matrix.problems:
+        if problem.group != group:
+            group = problem.group
+            yield doc.row(doc.Cell(group, "strong"))
+        cells: list[str] = [problem.name]
+        for side in sides:
+            run = side.runs.get(problem.name)
+            text = _NOT_RUN
+            if run is not None:
+                text = STATES[run.outcome].sign
+                if run.worst is not None:
+                    text += f" {_figure(run.worst.label)}: {_size(run.worst.ratio)}"
+                elif run.outcome not in COMPARED:
+                    text += f" {STATES[run.outcome].label}"
+            cells.append(text)
+        yield doc.row(*cells)
+
+
+def _by_quantity(sides: list[_Side]) -> Iterator[tuple[str, ...]]:
+    """On how many problems each quantity holds, by preset."""
+    for name in QUANTITIES:
+        cells: list[str] = []
+        for side in sides:
+            held = [
+                (error, run.problem)
+                for run in side.runs.values()
+                for error in run.errors
+                if error.metric == name and error.holds is not None
+            ]
+            holding = sum(error.holds is True for error, _ in held)
+            text = f"{holding} of {len(held)}" if held else ""
+            kept = [(error.ratio or 0.0, problem) for error, problem in held if error.kept]
+            if kept:
+                ratio, problem = max(kept)
+                text += f"; {_size(ratio)} on {problem}"
+            cells.append(text)
+        if any(cells):
+            yield _title(name), *cells
+
+
+def _refused(matrix: Matrix, runs: list[MatrixRun]) -> Iterator[doc.Block]:
+    """Refusals of the adapter, and runs that failed or did not end."""
+    shown = [run for run in runs if run.outcome not in COMPARED]
+    if not shown:
+        return
+    groups = _grouped(shown, lambda run: (STATES[run.outcome].label, run.message or ""))
+    rows: list[tuple[str, ...]] = []
+    for (verdict, message), group in groups.items():
+        rows.append((_names(group), verdict, _presets(group), message))
+    yield doc.Heading("What our adapter does not build, and what did not end", 2)
+    yield doc.Note("The words are the adapter's; the engine may well do more.")
+    yield doc.table("problem | verdict | presets | in words", rows)
+
+
+def _settings(sides: list[_Side]) -> Iterator[doc.Block]:
+    """Options of each preset, as the runs had them."""
+    by_preset = [dict(_options(side)) for side in sides]
+    names: dict[str, None] = {}
+    for options in by_preset:
+        names |= dict.fromkeys(options)
+    if not names:
+        yield doc.Text(f"They are {_NOT_KEPT}.")
+        return
+    rows: list[tuple[str, ...]] = []
+    for name in names:
+        rows.append((f"`{name}`", *(options.get(name, "") for options in by_preset)))
+    yield doc.table(("option", *(side.preset for side in sides)), rows)
+
+
+def _options(side: _Side) -> Iterator[tuple[str, str]]:
+    """Values of options; a number that differs between problems from the least to the largest."""
+    values: dict[str, list[JsonValue]] = {}
+    for run in side.runs.values():
+        for name, value in (run.settings or {}).items():
+            values.setdefault(name, []).append(value)
+    for name, given in values.items():
+        numbers = [v for v in given if isinstance(v, int | float) and not isinstance(v, bool)]
+        if len(numbers) == len(given):
+            yield name, _span(numbers, ".6g")
+        else:
+            yield name, ", ".join(dict.fromkeys(format_value(value) for value in given))

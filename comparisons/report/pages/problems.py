@@ -14,30 +14,25 @@ _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
 
 
 def listing(benchmarks: Iterable[Benchmark]) -> doc.Document:
-    """Number, name, tags, a line and the source of each."""
+    """Name, tags, a line and the source of each."""
     heads = [
-        doc.words("no.", wrap=False),
         doc.words("name", wrap=False),
         *map(doc.words, ("tags", "problem", "source")),
     ]
-    rows = [
-        (each.number, each.name, ", ".join(each.tags), each.text, each.source)
-        for each in benchmarks
-    ]
+    rows = [(each.name, ", ".join(each.tags), each.text, each.source) for each in benchmarks]
     return doc.Document("Problems", (doc.table(heads, rows),))
 
 
 def document(check: ProblemCheck) -> doc.Document:
     """One problem: its parameters, figures beside the reference's, and its source's conditions."""
-    return doc.Document(f"{check.benchmark.number} {check.benchmark.name}", tuple(_blocks(check)))
+    return doc.Document(check.benchmark.name, tuple(_blocks(check)))
 
 
 def library(checks: Iterable[ProblemCheck]) -> doc.Document:
     """Problems with their figures."""
     blocks: list[doc.Block] = []
     for check in checks:
-        title = f"{check.benchmark.number} {check.benchmark.name}"
-        blocks += [doc.Heading(title, 2, medium="any"), *_blocks(check)]
+        blocks += [doc.Heading(check.benchmark.name, 2, medium="any"), *_blocks(check)]
     return doc.Document("", tuple(blocks))
 
 

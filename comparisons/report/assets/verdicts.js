@@ -1,0 +1,405 @@
+// The grid of verdicts: filters, sorting, what a cell opens. Its state is in the address, behind '#'.
+"use strict";
+for (const section of document.querySelectorAll("section.verdicts")) {
+  const data = JSON.parse(section.querySelector("script[type='application/json']").textContent);
+  const find = (selector) => section.querySelector(selector);
+  const table = find("table"), body = table.tBodies[0], card = find(".card"), counts = find(".counts");
+  const heads = [...table.querySelectorAll(".names th[data-column]")];
+  const groups = [...table.querySelectorAll(".groups th")];
+  // Quantities of a card come as lists.
+  const NAMES = ["quantity", "subject", "error", "ratio", "holds", "tolerance", "unit", "part", "count"];
+  const named = (values) => Object.fromEntries(NAMES.map((name, k) => [name, values[k]]));
+  for (const row of data.rows) for (const cell of row.cells) if (cell) cell.quantities = cell.quantities.map(named);
+  const rows = [...body.querySelectorAll("tr[data-row]")].map((tr, i) => ({
+    ...data.rows[i], place: i, tr, head: tr.cells[0], tds: [...tr.cells].slice(-data.columns.length),
+  }));
+  const headings = new Map([...body.querySelectorAll("tr.group")].map((tr) => [tr.textContent.trim(), tr]));
+  const text = (index) => data.texts[index];
+  const element = (name, options = {}, ...children) => {
+    const made = Object.assign(document.createElement(name), options);
+    made.append(...children);
+    return made;
+  };
+
+  // --- State
+
+  const FILTERS = ["preset", "engine", "scheme", "feature"];
+  const state = {sort: "", show: "", only: "", cell: "", preset: [], engine: [], scheme: [], feature: []};
+
+  function readAddress() {
+    const asked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
+    for (const name of ["sort", "show", "only", "cell"]) state[name] = asked.get(name) ?? "";
+    for (const name of FILTERS) state[name] = asked.getAll(name);
+  }
+  function writeAddress() {
+    const kept = new URLSearchParams();
+    for (const [name, value] of Object.entries(state)) for (const each of [value].flat()) if (each) kept.append(name, each);
+    const address = kept.size || location.hash.includes("=") ? `#${kept}` : location.hash;
+    history.replaceState(null, "", address === "#" ? location.pathname + location.search : address);
+  }
+
+  // --- Rows and columns that are shown, in order
+
+  const chosen = (name, value) => !state[name].length || state[name].includes(value);
+  let shown = {rows: [], columns: []};
+
+  const agreeing = (row) => shown.columns.filter((j) => row.cells[j]?.state === 0).length;
+
+  function choose() {
+    shown.rows = rows.filter((row) => chosen("preset", row.preset) && chosen("engine", row.engine) && chosen("scheme", row.group));
+    shown.columns = data.columns.map((_, j) => j).filter((j) => {
+      const {features} = data.columns[j];
+      return !state.feature.length || state.feature.some((name) => features.includes(name));
+    });
+    const [by, problem] = state.sort.split(":");
+    const number = (value, absent) => (Number.isFinite(value) ? value : absent);
+    const column = data.columns.findIndex(({name}) => name === problem);
+    const error = (row) => {
+      const found = value(row.cells[column], state.show || "position");
+      return number(found ? parseFloat(text(found.part)) : NaN, Number.MAX_VALUE);
+    };
+    if (by === "engine") shown.rows.sort((a, b) => a.apart - b.apart || a.engine.localeCompare(b.engine) || a.place - b.place);
+    if (by === "agrees") shown.rows.sort((a, b) => a.apart - b.apart || agreeing(b) - agreeing(a));
+    if (by === "problem" && column >= 0) shown.rows.sort((a, b) => a.apart - b.apart || error(a) - error(b));
+  }
+
+  const held = ({holds}, good, bad, open) => (holds === null ? open : holds ? good : bad);
+  // The quantity's row of a cell's card.
+  const value = (cell, name) => cell?.quantities.find((each) => text(each.quantity) === name);
+
+  function lay() {
+    choose();
+    const visible = new Set(shown.columns), placed = [];
+    let group = null;
+    for (const row of shown.rows) {
+      const title = row.apart ? data.apart : row.group;
+      if ((!state.sort || row.apart) && title !== group) placed.push(headings.get(title));
+      group = title;
+      placed.push(row.tr);
+    }
+    body.replaceChildren(...placed);
+    let before = null;
+    heads.forEach((head, j) => {
+      const first = visible.has(j) && data.columns[j].group !== before;
+      if (visible.has(j)) before = data.columns[j].group;
+      head.hidden = !visible.has(j);
+      head.classList.toggle("first", first);
+      for (const row of rows) {
+        row.tds[j].hidden = !visible.has(j);
+        row.tds[j].classList.toggle("first", first);
+      }
+    });
+    for (const head of groups) {
+      const count = shown.columns.filter((j) => data.columns[j].group === head.textContent).length;
+      head.hidden = !count;
+      head.colSpan = count || 1;
+    }
+    for (const tr of headings.values()) tr.cells[0].colSpan = shown.columns.length + 1 + data.leading;
+    table.style.setProperty("--columns", shown.columns.length);
+    fill();
+    count();
+    const [by, problem] = state.sort.split(":");
+    heads.forEach((head, j) => head.toggleAttribute("aria-sort", by === "problem" && data.columns[j].name === problem));
+    heads.forEach((head) => head.hasAttribute("aria-sort") && head.setAttribute("aria-sort", "ascending"));
+    const sort = find("[data-control=sort]"), last = sort.querySelector("[value=problem]");
+    last.hidden = by !== "problem";
+    last.textContent = problem ? `error on ${problem}` : "error";
+    sort.value = by;
+    find("[data-control=show]").value = state.show;
+    for (const button of section.querySelectorAll("[data-filter]")) {
+      const values = state[button.dataset.filter];
+      button.querySelector("b").textContent = values.length > 1 ? `${values.length} chosen` : values[0] ?? "all";
+      button.toggleAttribute("data-set", values.length > 0);
+    }
+    for (const box of section.querySelectorAll(".choices input")) box.checked = state[box.name].includes(box.value);
+    find("[data-control=reset]").hidden = !Object.entries(state).some(([name, value]) => name !== "cell" && value.length);
+    roving();
+  }
+
+  // Cells show verdicts, or errors in one quantity in parts of its scale.
+  function fill() {
+    for (const row of rows) {
+      row.tds.forEach((td, j) => {
+        const cell = row.cells[j];
+        if (!cell) return;
+        const found = state.show && value(cell, state.show);
+        const holds = found ? held(found, "holds", "breaks", "open") : "";
+        td.classList.remove("value", "holds", "breaks", "open", "agrees", "disagrees");
+        if (found && text(found.part)) {
+          td.classList.add("value", holds);
+          td.textContent = short(text(found.part));
+        } else {
+          const {name, sign: text} = data.states[cell.state];
+          if (!state.show || !["agrees", "disagrees"].includes(name)) {
+            td.classList.add(name);
+            td.replaceChildren(text, ...(cell.symbol ? [element("i", {textContent: cell.symbol})] : []));
+          } else {
+            td.classList.add("value", "open");
+            td.textContent = "";
+          }
+        }
+        td.classList.toggle("chosen", data.states[cell.state].name === state.only);
+      });
+    }
+    table.toggleAttribute("data-only", Boolean(state.only));
+    for (const row of rows) {
+      const made = shown.columns.filter((j) => row.cells[j]);
+      row.tr.cells[data.leading].textContent = `${agreeing(row)}/${made.length}`;
+    }
+  }
+  const short = (number) => number.replace(/^(\d)\.\d+e/, "$1e");
+
+  function count() {
+    const total = new Map(), presets = new Map();
+    let runs = 0;
+    const own = data.shares.map(() => 0);
+    for (const row of shown.rows.filter((row) => !row.apart)) {
+      for (const j of shown.columns) {
+        const cell = row.cells[j];
+        if (!cell) continue;
+        runs += 1;
+        total.set(cell.state, (total.get(cell.state) ?? 0) + 1);
+        const of = presets.get(row.preset) ?? presets.set(row.preset, [0, 0]).get(row.preset);
+        of[0] += cell.state === 0;
+        of[1] += 1;
+        if (cell.state === 0 && cell.own >= 0) own[cell.own] += 1;
+      }
+    }
+    const chips = data.states.map(({name, sign, counted}, k) => {
+      if (!total.get(k) && state.only !== name) return null;
+      const button = element("button", {type: "button", onclick: () => set({only: state.only === name ? "" : name})},
+        element("span", {className: `swatch ${name}`, textContent: sign}), element("span", {}, element("b", {textContent: total.get(k) ?? 0}), ` ${counted}`));
+      button.setAttribute("aria-pressed", String(state.only === name));
+      return button;
+    });
+    const parts = [...presets].sort((a, b) => data.presets.indexOf(a[0]) - data.presets.indexOf(b[0]))
+      .map(([name, [agreeing, made]]) => element("span", {}, `${name}: `, element("b", {textContent: agreeing}), ` of ${made} agree`));
+    const shares = data.shares.map((name, k) => own[k] && `${name} ${own[k]}`).filter(Boolean).join(", ");
+    counts.replaceChildren(element("span", {className: "of", textContent: `${runs} runs shown:`}), ...chips.filter(Boolean),
+      element("span", {className: "by-preset"}, ...parts, ...(shares ? [element("span", {textContent: `the engine's own of what agrees: ${shares}`})] : [])));
+  }
+
+  function set(changes) {
+    Object.assign(state, changes);
+    lay();
+    writeAddress();
+  }
+
+  // --- Focus moves by arrows, one stop for Tab
+
+  let stop = null;
+  const lines = () => [[null, ...shown.columns.map((j) => heads[j])], ...shown.rows.map((row) => [row.head, ...shown.columns.map((j) => row.tds[j])])];
+  function roving(target) {
+    const all = lines().flat();
+    stop = target ?? (stop && all.includes(stop) ? stop : shown.rows[0]?.tds[shown.columns[0]]);
+    for (const each of section.querySelectorAll("table[role=grid] [tabindex]")) each.tabIndex = -1;
+    if (stop) stop.tabIndex = 0;
+  }
+  const MOVES = {ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowRight: [0, 1], Home: [0, -99], End: [0, 99], PageUp: [-10, 0], PageDown: [10, 0]};
+  table.addEventListener("keydown", (event) => {
+    const target = event.target.closest("[tabindex]");
+    if (event.key === "Escape") return close();
+    if (!target || event.altKey || event.metaKey) return;
+    if (event.key === "Enter" || event.key === " ") {
+      event.preventDefault();
+      return open(target, true);
+    }
+    const move = MOVES[event.key];
+    if (!move) return;
+    event.preventDefault();
+    const grid = lines(), i = grid.findIndex((line) => line.includes(target)), j = grid[i].indexOf(target);
+    const far = event.ctrlKey ? 99 : 1, clamp = (k, n) => Math.max(0, Math.min(n - 1, k));
+    const line = grid[clamp(i + move[0] * far, grid.length)];
+    const next = line[clamp(j + move[1] * far, line.length)];
+    if (!next) return;
+    roving(next);
+    next.focus();
+  });
+
+  // --- Cards
+
+  let opened = null, pinned = false, timer = 0;
+
+  function place(target) {
+    const i = shown.rows.findIndex((row) => row.tr === target.parentElement), row = shown.rows[i];
+    const j = heads.includes(target) ? heads.indexOf(target) : row?.tds.indexOf(target);
+    return {row, j};
+  }
+
+  function cardOf(target) {
+    const {row, j} = place(target);
+    if (!row) return {...data.columns[j].card, problem: data.columns[j].name};
+    if (j < 0) return row.card;
+    const cell = row.cells[j];
+    return cell && {...cell, state: data.states[cell.state], cell: `${row.engine} ${row.preset} ${data.columns[j].name}`};
+  }
+
+  function drawn(content) {
+    const {state: verdict} = content, parts = [];
+    const header = element("header", {}, element("h2", {textContent: text(content.title)}),
+      element("button", {type: "button", className: "close", textContent: "✕", ariaLabel: "Close", onclick: () => close(true)}));
+    if (verdict) header.prepend(element("span", {className: `swatch ${verdict.name}`, textContent: verdict.sign}));
+    parts.push(header);
+    if (text(content.lead)) parts.push(element("p", {textContent: text(content.lead)}));
+    if (content.quantities?.length) {
+      const titles = ["", "quantity", "error", "tolerance", "ratio", ...(content.quantities.some((each) => text(each.count)) ? ["hold"] : [])];
+      const head = element("tr", {}, ...titles.map((title) => element(title ? "th" : "td", {textContent: title, scope: "col"})));
+      const lines = content.quantities.map((each) => {
+        const tr = element("tr", {className: held(each, "holds", "breaks", "open")});
+        const unit = text(each.unit) && text(each.tolerance) ? ` ${text(each.unit)}` : "";
+        const name = element("td", {}, text(each.quantity), ...(text(each.subject) ? [element("span", {textContent: ` ${text(each.subject)}`})] : []));
+        const numbers = [text(each.error) + unit, text(each.tolerance) + unit, text(each.ratio), text(each.count)].slice(0, titles.length - 2);
+        tr.append(element("td", {textContent: held(each, "✓", "✗", "○")}), name, ...numbers.map((cell) => element("td", {className: "number", textContent: cell})));
+        return tr;
+      });
+      parts.push(element("table", {}, element("thead", {}, head), element("tbody", {}, ...lines)));
+    }
+    parts.push(element("dl", {}, ...content.facts.flatMap(([name, fact]) => [element("dt", {textContent: text(name)}), element("dd", {textContent: text(fact)})])));
+    const actions = element("div", {className: "actions"});
+    if (text(content.command)) {
+      const command = element("pre", {textContent: text(content.command)});
+      parts.push(command);
+      actions.append(element("button", {type: "button", className: "copy", textContent: "copy command", onclick: async ({currentTarget}) => {
+        getSelection().selectAllChildren(command);
+        try {
+          await navigator.clipboard.writeText(command.textContent);
+          currentTarget.textContent = "copied";
+        } catch { currentTarget.textContent = "selected"; }
+      }}));
+    }
+    if (content.problem) actions.append(element("button", {type: "button", className: "copy", textContent: "sort engines by their error on it", onclick: () => { const {problem} = content; close(); set({sort: `problem:${problem}`}); }}));
+    if (actions.children.length) parts.push(actions);
+    card.replaceChildren(...parts);
+    card.setAttribute("aria-label", text(content.title));
+  }
+
+  function open(target, pin = false) {
+    const content = cardOf(target);
+    if (!content) return close();
+    clearTimeout(timer);
+    opened?.classList.remove("opened");
+    opened = target;
+    pinned = pin;
+    target.classList.toggle("opened", pin);
+    mark(target);
+    drawn(content);
+    card.classList.toggle("pinned", pin);
+    if (!card.matches(":popover-open")) card.showPopover();
+    card.scrollTop = 0;
+    beside(target.getBoundingClientRect());
+    if (pin) {
+      card.querySelector(".close").focus();
+      state.cell = content.cell ?? "";
+      writeAddress();
+    }
+  }
+
+  function beside(box) {
+    if (matchMedia("(max-width: 600px)").matches) { // the card is the lower part of the screen
+      card.removeAttribute("style");
+      const hidden = box.bottom + 24 - (innerHeight - card.offsetHeight);
+      return hidden > 0 && pinned && scrollBy(0, hidden);
+    }
+    const {offsetWidth: width, offsetHeight: height} = card, gap = 10;
+    const right = box.right + gap + width < innerWidth;
+    const left = right ? box.right + gap : Math.max(8, box.left - gap - width);
+    const top = Math.max(8, Math.min(box.top - 20, innerHeight - height - 8));
+    card.style.left = `${left}px`;
+    card.style.top = `${top}px`;
+  }
+
+  function mark(target) {
+    for (const each of section.querySelectorAll(".here")) each.classList.remove("here");
+    if (!target) return;
+    const {row, j} = place(target);
+    row?.tr.classList.add("here");
+    heads[j]?.classList.add("here");
+  }
+
+  function close(back = false) {
+    clearTimeout(timer);
+    const before = opened;
+    opened?.classList.remove("opened");
+    opened = null;
+    mark(null);
+    if (card.matches(":popover-open")) card.hidePopover();
+    if (pinned) {
+      pinned = false;
+      state.cell = "";
+      writeAddress();
+    }
+    quiet = back;
+    if (back) before?.focus();
+    quiet = false;
+  }
+  let quiet = false; // focus that comes back opens nothing
+
+  table.addEventListener("focusin", ({target}) => {
+    if (!target.matches("[tabindex]")) return;
+    roving(target);
+    if (!quiet && !pinned && !pointing) open(target);
+  });
+  // A card that focus opens would lie under the finger before the click.
+  let pointing = false;
+  table.addEventListener("pointerdown", () => { pointing = true; });
+  addEventListener("pointerup", () => setTimeout(() => { pointing = false; }));
+  addEventListener("pointercancel", () => { pointing = false; });
+  table.addEventListener("focusout", ({relatedTarget}) => {
+    if (!pinned && !table.contains(relatedTarget) && !card.contains(relatedTarget)) close();
+  });
+  table.addEventListener("click", ({target}) => {
+    const cell = target.closest("[tabindex]");
+    if (cell) open(cell, true);
+  });
+  table.addEventListener("pointerover", ({target, pointerType}) => {
+    if (pinned || pointerType !== "mouse") return;
+    clearTimeout(timer);
+    const cell = target.closest("[tabindex]");
+    timer = cell ? setTimeout(() => open(cell), 90) : setTimeout(close, 250);
+  });
+  table.addEventListener("pointerleave", ({pointerType}) => {
+    if (pinned || pointerType !== "mouse") return;
+    clearTimeout(timer);
+    timer = setTimeout(close, 250);
+  });
+  card.addEventListener("pointerenter", () => clearTimeout(timer));
+  card.addEventListener("pointerleave", () => { if (!pinned) timer = setTimeout(close, 250); });
+  card.addEventListener("keydown", ({key}) => { if (key === "Escape") close(true); });
+  document.addEventListener("keydown", ({key}) => { if (key === "Escape" && opened && !pinned) close(); });
+  document.addEventListener("pointerdown", ({target}) => { if (pinned && !card.contains(target) && !table.contains(target)) close(); });
+  addEventListener("resize", () => opened && beside(opened.getBoundingClientRect()));
+
+  // --- Controls
+
+  for (const control of section.querySelectorAll("select[data-control]")) {
+    control.addEventListener("change", () => set({[control.dataset.control]: control.value}));
+  }
+  find("[data-control=reset]").addEventListener("click", () => {
+    set({sort: "", show: "", only: "", preset: [], engine: [], scheme: [], feature: []});
+    find("[data-control=sort]").focus();
+  });
+  for (const choices of section.querySelectorAll(".choices")) {
+    choices.addEventListener("change", ({target: {name}}) => {
+      set({[name]: [...choices.querySelectorAll("input:checked")].map((box) => box.value)});
+    });
+    choices.addEventListener("toggle", ({newState}) => {
+      if (newState !== "open") return;
+      const box = choices.previousElementSibling.getBoundingClientRect();
+      choices.style.left = `${Math.max(8, Math.min(box.left, innerWidth - choices.offsetWidth - 8))}px`;
+      choices.style.top = `${box.bottom + 4}px`;
+    });
+  }
+  addEventListener("hashchange", () => { if (location.hash.includes("=") || !location.hash) start(); });
+
+  function start() {
+    readAddress();
+    lay();
+    const wanted = state.cell && shown.rows.flatMap((row) => shown.columns.map((j) => row.tds[j])).find((td) => cardOf(td)?.cell === state.cell);
+    if (wanted) {
+      wanted.scrollIntoView({block: "center", inline: "center"});
+      open(wanted, true);
+    }
+  }
+  find(".controls").hidden = false;
+  start();
+}
