@@ -193,7 +193,9 @@ _SUFFIXES = {
 def matrix_command(call: Call) -> None:
     """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes.
 
-    Refusals are shown with their reasons.
+    The page is one grid, engines by scheme against problems by class. A cell shows the quantity
+    that broke, and opens: all quantities with tolerances, cause, settings, the command that makes
+    the run again. What the page sorts and filters by is in its address.
 
     Engines of one scheme stand together, and ratios of their errors say what differs by scheme and
     what by implementation. Nothing is run: engines that need environments of their own are compared

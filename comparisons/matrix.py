@@ -22,6 +22,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import Field, JsonValue, model_validator
 
+from ..engines.presets import FORMER_NAMES, PRESETS
 from ..engines.supplied import Own, concerned, own
 from ..models.errors import InputError
 from ..models.features import features_of
@@ -51,15 +52,15 @@ from .runs.results import (
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
 FORMAT = "trebucheck-matrix-1"
-PRESETS = ("stock", "default", "settings", "tuned", "assisted")
-"""Presets in the order of rows and columns; others follow alphabetically."""
 POSITION = "position_max"
 """Quantity by which schemes and implementations are compared."""
 
 
 def preset_rank(preset: str) -> tuple[int, str]:
-    """Place of a preset in tables, as a key to sort by."""
-    return (PRESETS.index(preset) if preset in PRESETS else len(PRESETS)), preset
+    """Place of a preset in tables, as a key to sort by; those of plug-ins' own come last."""
+    present = FORMER_NAMES.get(preset, preset)
+    order = (*PRESETS, present)
+    return order.index(present), preset
 
 
 class Error(Spec):

@@ -434,6 +434,7 @@ class Card:
     quantities: tuple[QuantityRow, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     command: str = ""
+    link: str = ""  # address of a page that says more
 
 
 @dataclass(frozen=True)

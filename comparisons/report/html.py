@@ -199,6 +199,7 @@ class _GridData:
             "quantities": quantities,
             "facts": [[self._number(name), self._number(fact)] for name, fact in card.facts],
             "command": self._number(card.command),
+            "link": self._number(card.link),
         }
 
     def _number(self, text: str) -> int:

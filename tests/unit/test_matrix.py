@@ -118,7 +118,11 @@ def test_engines_of_one_scheme_stand_together_and_those_that_state_none_come_las
         _run("d", 1.0, scheme=""),
     )
     matrix = _matrix(*runs)
-    assert matrix.schemes() == {RK4: ["a assisted", "c assisted"], EULER: ["b assisted"], "": ["d assisted"]}
+    assert matrix.schemes() == {
+        RK4: ["a assisted", "c assisted"],
+        EULER: ["b assisted"],
+        "": ["d assisted"],
+    }
     groups = [(row.group, row.engine) for row in _grid(matrix).rows]
     assert groups[:3] == [(RK4, "a"), (RK4, "c"), (EULER, "b")]
     assert groups[3][0] not in (RK4, EULER)
@@ -220,7 +224,12 @@ def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None
         engine="a", preset="assisted", problem="swing", exponent=3.98, half_width=0.03
     )
     soft = MeasuredOrder(
-        engine="e", preset="assisted", problem="swing", exponent=None, floor=3e-4, floor_cause="stops"
+        engine="e",
+        preset="assisted",
+        problem="swing",
+        exponent=None,
+        floor=3e-4,
+        floor_cause="stops",
     )
     runs = (_run("a", 1e-9), _run("b", 1e-9), _run("c", 1e-9, order=None), _run("e", 1e-9))
     rows = {row.engine: row for row in _grid(_matrix(*runs, orders=(order, soft))).rows}
@@ -239,13 +248,15 @@ def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_
     )  # fmt: skip
     (found,) = spreads(_matrix(*runs))
     assert (found.scheme, found.constrained, found.engines) == (RK4, False, ("a", "b", "d", "e"))
-    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against each
-    # of the four
+    # a-b 3, a-d 1e3 (rounding counts as 1e-12), b-d 3e3, b-a default 3, d-a default 9e3; c against
+    # each of the four
     assert sorted(each.value for each in found.within) == pytest.approx([3, 3, 1e3, 3e3, 9e3])
     assert sorted(each.value for each in found.between) == pytest.approx(
         [1e-4 / 9e-9, 1e-4 / 3e-9, 1e5, 1e8]
     )
-    assert "9e+03 at most (d assisted and a default on swing; 5 pairs, median 1e+03)" in sentence(found)
+    assert "9e+03 at most (d assisted and a default on swing; 5 pairs, median 1e+03)" in sentence(
+        found
+    )
 
 
 def test_agreement_is_counted_by_what_of_the_run_is_the_engines_own() -> None:

@@ -267,6 +267,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
         } catch { currentTarget.textContent = "selected"; }
       }}));
     }
+    if (text(content.link)) actions.append(element("a", {href: text(content.link), textContent: "its page"}));
     if (content.problem) actions.append(element("button", {type: "button", className: "copy", textContent: "sort engines by their error on it", onclick: () => { const {problem} = content; close(); set({sort: `problem:${problem}`}); }}));
     if (actions.children.length) parts.push(actions);
     card.replaceChildren(...parts);

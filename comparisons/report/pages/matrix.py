@@ -76,13 +76,18 @@ _OWN = (
 )
 
 
-def document(matrix: Matrix) -> doc.Document:
-    """The whole."""
+def document(matrix: Matrix, links: Mapping[str, str] | None = None) -> doc.Document:
+    """The whole.
+
+    Args:
+        matrix: the runs.
+        links: address of the page of an engine, by its name; none where there are no such pages.
+    """
     counted = counted_runs(matrix)
     line = counts_line(matrix, counted)
     blocks: list[doc.Block] = [
         doc.Text(line, medium="terminal"),
-        _Grid(matrix).block(),
+        _Grid(matrix, links).block(),
         *_dynamics(matrix),
     ]
     explained = [doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in spreads(matrix)]
@@ -120,9 +125,15 @@ def summary(matrix: Matrix, links: Mapping[str, str]) -> doc.Document:
         doc.Listing(tuple(_counts_by_preset(matrix))),
         doc.Note(_READING),
         *grid.compact(),
-        *_dynamics(matrix),
     ]
-    return doc.Document("", tuple(blocks))
+    apart: dict[str, str] = {}
+    for run in matrix.runs:
+        if run.is_dynamics:
+            apart[run.label] = f"[{run.label}]({links.get(run.engine, '')})"
+    if apart:
+        text = f"{', '.join(apart.values())}: the steps are trebucheck's, and not counted."
+        blocks.append(doc.Text(text, lead="Dynamics alone:"))
+    return doc.Document("", (*blocks, *_dynamics(matrix)))
 
 
 # --- Counts
@@ -189,17 +200,6 @@ class _Grid:
         """Runs by label and problem."""
         return {(run.label, run.problem): run for run in self.matrix.runs}
 
-    @cached_property
-    def _labels(self) -> Mapping[str, list[str]]:
-        """Labels of engines that move themselves, in the order of their presets."""
-        labels: dict[str, list[str]] = {}
-        for preset in self.matrix.presets:
-            for run in counted_runs(self.matrix):
-                of_engine = labels.setdefault(run.engine, [])
-                if run.preset == preset and run.label not in of_engine:
-                    of_engine.append(run.label)
-        return dict(sorted(labels.items()))
-
     def block(self) -> doc.VerdictGrid:
         """The grid for a page, with its tables for other media."""
         rows: list[GridRow] = []
@@ -230,14 +230,11 @@ class _Grid:
         agreeing = f"{sum(run.outcome is Outcome.AGREES for run in made)}/{len(made)}"
         order, basis = _order(self.matrix, label)
         first = made[0]
-        supplied = _UNSTATED
-        if first.supplied is not None:
-            supplied = parts(first.supplied) or "nothing"
         facts = (
             ("scheme", scheme),
             ("order", f"{order}, {basis}"),
             ("agrees", f"on {agreeing.replace('/', ' of ')} problems"),
-            ("trebucheck supplies", supplied),
+            ("trebucheck supplies", _supplied(made)),
             *_cost(made),
             ("version", _joined(f"{run.engine} {run.engine_version}" for run in made)),
             ("runs of", _joined(run.date for run in made)),
@@ -248,17 +245,20 @@ class _Grid:
             group=scheme,
             cells=tuple(cells),
             leading=(order, agreeing),
-            card=doc.Card(label, facts=facts),
-            apart=first.is_dynamics,
+            card=doc.Card(label, facts=facts, link=(self.links or {}).get(first.engine, "")),
+            apart=all(run.is_dynamics for run in made),
         )
 
     def compact(self) -> Iterator[doc.Table]:
         """Signs of all presets of an engine in a cell: problems by class against engines."""
+        counted = counted_runs(self.matrix)
+        engines = sorted({run.engine for run in counted})
         heads = [doc.words("problem", wrap=False)]
-        for engine in self._labels:
+        for engine in engines:
             link = (self.links or {}).get(engine)
             title = f"[{engine}]({link})" if link else engine
             heads.append(doc.Column(title, align="left", wrap=False))
+        signs = {(run.engine, run.preset, run.problem): _sign(run) for run in counted}
         rows: list[doc.Row] = []
         group = ""
         for problem in self.matrix.problems:
@@ -266,21 +266,18 @@ class _Grid:
                 group = problem.group
                 rows.append(doc.row(doc.Cell(group, "strong")))
             cells = [problem.name]
-            for labels in self._labels.values():
-                signs = (_sign(self._runs.get((label, problem.name))) for label in labels)
-                cells.append(" ".join(signs))
+            for engine in engines:
+                keys = ((engine, preset, problem.name) for preset in self.matrix.presets)
+                cells.append(" ".join(signs.get(key, _NOT_RUN) for key in keys))
             rows.append(doc.row(*cells))
         caption = "Verdicts"
         if len(self.matrix.presets) > 1:
-            order = ", ".join(self.matrix.presets)
-            caption += f", in the order {order}, of those that an engine has"
+            caption += f", in the order {', '.join(self.matrix.presets)}"
         yield doc.table(heads, rows, caption)
 
 
-def _sign(run: MatrixRun | None) -> str:
+def _sign(run: MatrixRun) -> str:
     """Sign of a verdict, with the symbol of the quantity farthest beyond its tolerance."""
-    if run is None:
-        return _NOT_RUN
     return STATES[run.outcome].sign + _symbol(run)
 
 
@@ -424,6 +421,16 @@ def _own_text(run: MatrixRun, own: str) -> str:
     if run.supplied is None:
         return _SHARES[own]
     return f"{_SHARES[own]}; trebucheck supplies: {parts(run.supplied) or 'nothing'}"
+
+
+def _supplied(runs: Iterable[MatrixRun]) -> str:
+    """Parts that trebucheck does in any of the runs."""
+    supplied: dict[str, str] = {}
+    for run in runs:
+        if run.supplied is None:
+            return _UNSTATED
+        supplied |= run.supplied
+    return parts(supplied) or "nothing"
 
 
 def _cost(runs: list[MatrixRun]) -> Iterator[tuple[str, str]]:
@@ -658,7 +665,10 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
         doc.Heading("What was set, and what would change it", 2),
         *_note(study, sides, version),
         doc.Heading("By problem", 2),
-        doc.Note(_READING),
+        doc.Note(
+            "Sign of the verdict; the figure nearest to its tolerance, or farthest beyond: "
+            "its error over its tolerance."
+        ),
         doc.table(("problem", *presets), _by_problem(matrix, sides)),
         doc.Heading("What it keeps and breaks", 2),
         doc.Note("Problems on which a quantity holds, and the worst: error over tolerance."),
@@ -703,8 +713,7 @@ class _Side:
     @property
     def own(self) -> doc.Text:
         """Parts of its runs that are trebucheck's."""
-        supplied = next(iter(self.runs.values())).supplied
-        text = _UNSTATED if supplied is None else parts(supplied) or "nothing"
+        text = _supplied(self.runs.values())
         return doc.Text(f"trebucheck supplies: {text}.", lead=f"{self.preset}:")
 
     def error(self, problem: str, quantity: str) -> str:
