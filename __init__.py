@@ -54,6 +54,7 @@ _PUBLIC = {
     "models.trajectory": "Trajectory",
     "reference.motion": "solve",
     "reference.sensitivity.sensitivities": "sensitivities",
+    "reference.taylor.batch": "launches",
     "reference.throw.throw": "throw",
 }
 _HOMES = {name: module for module, names in _PUBLIC.items() for name in names.split()}

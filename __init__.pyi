@@ -53,6 +53,7 @@ from .models.problem import Problem, StopLaw
 from .models.trajectory import Trajectory
 from .reference.motion import solve
 from .reference.sensitivity.sensitivities import sensitivities
+from .reference.taylor.batch import launches
 from .reference.throw.throw import throw
 from .version import __version__
 
@@ -101,6 +102,7 @@ __all__ = [
     "floating_arm",
     "hinged",
     "judge",
+    "launches",
     "matrix",
     "mjcf",
     "mjcf_names",

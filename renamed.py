@@ -214,7 +214,7 @@ _OLD_NAMES: dict[str, tuple[str, ...]] = {
     ),
     "reference.singular": ("reference.collocation", "reference.window"),
     "reference.solver": ("reference.damping",),
-    "reference.taylor.batch": ("models.stacked", "reference.taylor.rank"),
+    "reference.taylor.batch": ("reference.taylor.rank",),
     "reference.taylor.expressions": (
         "reference.taylor.choice", "reference.taylor.compiled", "reference.taylor.sparse",
         "reference.taylor.system",

@@ -13,11 +13,11 @@ from functools import partial
 
 import numpy as np
 import trebucheck as tb
+from trebucheck.models.arrays import FloatArray
 from trebucheck.reference.solver import solve
-from trebucheck.reference.taylor.batch import launch_batch
 from trebucheck.reference.taylor.solve import taylor_quantities
 
-RUNS, BATCH, TOLERANCE, DURATION = 15, 1000, 1e-12, 4.0
+RUNS, BATCH, TOLERANCE, DURATION = 15, 4000, 1e-12, 4.0
 BUILDS = {"fixed": tb.fixed, "rolling": tb.rolling}
 
 
@@ -36,16 +36,12 @@ def dop853_launch(problem: tb.Problem) -> tb.Launch | None:
     return solve(problem, TOLERANCE, TOLERANCE).launch
 
 
-def random_machines(build: Callable[[tb.TrebuchetParameters], tb.Mechanism]) -> list[tb.Mechanism]:
-    """Machines a builder might think of, the same in every run."""
+def random_parameters() -> dict[str, FloatArray]:
+    """Parameters that a builder might think of, the same in every run."""
     random = np.random.default_rng(1)
     ranges = {"l1": (7, 12.5), "l2": (2.5, 5), "r": (4, 8), "h": (6, 12)}
     ranges |= {"m_b": (30, 150), "m_cw": (1500, 5000)}
-    machines: list[tb.Mechanism] = []
-    for _ in range(BATCH):
-        draw = {name: random.uniform(*limits) for name, limits in ranges.items()}
-        machines.append(build(tb.TrebuchetParameters(**draw)))
-    return machines
+    return {name: random.uniform(*limits, BATCH) for name, limits in ranges.items()}
 
 
 def main() -> None:
@@ -61,12 +57,14 @@ def main() -> None:
         for what, launch in launches.items():
             first, warm = seconds(launch, RUNS)
             print(f"{name:<10}{what:<34}{first:>10.3f}{warm * 1e3:>11.3f}")
-        machines = random_machines(build)
-        first, warm = seconds(partial(launch_batch, machines, DURATION, TOLERANCE), 5)
-        print(
-            f"{name:<10}{f'batch of {BATCH}':<34}{first:>10.3f}{warm * 1e3:>11.3f}   "
-            f"{BATCH / warm:.0f} per second"
-        )
+        parameters = random_parameters()
+        for tolerance in (TOLERANCE, 1e-10):
+            batch = partial(tb.launches, name, parameters, duration=DURATION, tolerance=tolerance)
+            first, warm = seconds(batch, 5)
+            print(
+                f"{name:<10}{f'{BATCH} from arrays, {tolerance:g}':<34}{first:>10.3f}"
+                f"{warm * 1e3:>11.3f}   {BATCH / warm:.0f} per second"
+            )
 
 
 if __name__ == "__main__":

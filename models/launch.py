@@ -91,7 +91,9 @@ def lead(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> FloatArray:
     return velocity[..., 1] * math.cos(angle) - velocity[..., 0] * math.sin(angle)
 
 
-def is_launch(velocity: FloatArray, angle: float = LAUNCH_ANGLE, scale: float = 0.0) -> bool:
+def is_launch(
+    velocity: FloatArray | tuple[float, float], angle: float = LAUNCH_ANGLE, scale: float = 0.0
+) -> bool:
     """Tell whether a velocity (2,) on the launch direction's line points along it and is not zero.
 
     Args:

@@ -104,6 +104,10 @@ DIRECTIONS = ("vector", "angle", "point")
 """Kinds of directions, in the order in which forces are summed, which fixes their rounding."""
 
 
+UNIT_VECTORS = ("axis", "normal", "gravity_direction")
+"""Fields that hold a direction of length 1."""
+
+
 def refuse_other_lengths(what: str, direction: Vector) -> None:
     """Raise ValueError if a direction has not length 1; `what` begins the sentence."""
     if abs(direction[0] ** 2 + direction[1] ** 2 - 1.0) > _UNIT_TOLERANCE:

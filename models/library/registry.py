@@ -9,10 +9,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, TypeGuard, cast
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..problem import Problem
 from ..spec import Spec
+from ..stacked import Stack, build_one, columns_of, stack_of
 from .benchmark import Benchmark
 from .contacts import CONTACTS
 from .linkages import LINKAGES
@@ -27,7 +31,9 @@ from .trebuchet import (
     fixed,
     floating_arm,
     hinged,
+    parameters_of,
     rolling,
+    whipper_numbers,
 )
 
 Model = str | PathLike[str] | Mechanism | Problem
@@ -294,6 +300,52 @@ def _is_named(given: Model) -> TypeGuard[str]:
 def _fields(name: str) -> tuple[str, ...]:
     """Names of the parameters of a machine or problem."""
     return tuple(parameters_type(name).model_fields)
+
+
+def varied(given: Model, values: Mapping[str, ArrayLike]) -> Sequence[Mechanism]:
+    """Machines that differ from a model in arrays of its parameters, or of its numbers.
+
+    The fixed and the rolling machine, and any mechanism in its numbers, are made and checked in
+    arrays; machines of other parameters one by one.
+
+    Args:
+        given: as :func:`model`.
+        values: parameters of a named machine, such as "l1", or numbers of the mechanism by the path
+            of their field, such as "bodies.arm.mass" or "start.1"; each a sequence of n numbers, or
+            one number for all machines.
+
+    Raises:
+        InputError: as :func:`model`; a name is none of a parameter or number, values are no arrays
+            of one length, or a machine cannot be built: the sentence says which one, and why.
+    """
+    machine, columns = model(given), columns_of(values)
+    example: Spec | None = parameters_of(machine)
+    build = _MACHINES[machine.name].build if example is not None else None
+    if build is None and isinstance(given, str) and given in _MACHINES:
+        example, build = _MACHINES[given].parameters(), _MACHINES[given].build
+    if example is None or build is None or not columns.keys() & type(example).model_fields.keys():
+        machines = stack_of(machine, columns)
+        machines.refuse()
+        return machines
+    unknown = [name for name in columns if name not in type(example).model_fields]
+    if unknown:
+        raise InputError(
+            f"{unknown[0]!r} is no parameter of {machine.name!r}; there are: "
+            f"{', '.join(type(example).model_fields)}."
+        )
+    base, n = dict(example), len(next(iter(columns.values())))
+
+    def one(row: dict[str, float]) -> Mechanism:
+        return build(type(example)(**(base | row)))
+
+    if isinstance(example, TrebuchetParameters):
+        with np.errstate(over="ignore", invalid="ignore"):
+            numbers = whipper_numbers(base | columns)
+        arrays = {name: np.broadcast_to(number, (n,)) for name, number in numbers.items()}
+        machines = Stack(machine, columns, one, arrays)
+        machines.refuse()
+        return machines
+    return [build_one(one, columns, i) for i in range(n)]
 
 
 # --- Problems of the library

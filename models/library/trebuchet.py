@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field
 
@@ -158,6 +158,37 @@ def parameters_of(mechanism: Mechanism) -> TrebuchetParameters | None:
     except InputError:
         return None
     return parameters if build(parameters) == mechanism else None
+
+
+def whipper_numbers(p: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers of the whipper that depend on its parameters, by name (:mod:`..stacked`).
+
+    Plain arithmetic, which takes arrays and complex steps, as a validated description does not.
+    The tests hold it against the machine itself.
+
+    Args:
+        p: values of the fields of `TrebuchetParameters`, real or complex, or arrays of them.
+    """
+    return {
+        "bodies.arm.mass": p["m_a"],
+        "bodies.arm.centre.0": (p["l1"] - p["l2"]) / 2,
+        "bodies.arm.inertia": p["m_a"] * (p["l1"] + p["l2"]) ** 2 / 12,
+        "bodies.sling.mass": p["m_b"],
+        "bodies.sling.centre.0": p["r"],
+        "bodies.hanger.mass": p["m_cw"],
+        "bodies.hanger.centre.0": p["h"],
+        "joints.sling pin.parent_point.0": p["l1"],
+        "joints.hanger pin.parent_point.0": -p["l2"],
+        "stops.hanger rest.limit": p["theta0"] - p["alpha0"],
+        "stops.sling rest.limit": p["phi0"] - p["theta0"],
+        "markers.projectile.point.0": p["r"],
+        "markers.counterweight.point.0": p["h"],
+        "markers.arm centre.point.0": (p["l1"] - p["l2"]) / 2,
+        "gravity": p["g"],
+        "start.0": p["theta0"],
+        "start.1": p["phi0"],
+        "start.2": p["alpha0"],
+    }
 
 
 def _whipper(

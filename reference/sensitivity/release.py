@@ -17,14 +17,16 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.elements import AnyJoint, refuse_unknown
+from ...models.elements.base import UNIT_VECTORS
 from ...models.errors import InputError, UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import LAUNCH_ANGLE, lead
 from ...models.library.registry import model
-from ...models.library.trebuchet import TrebuchetParameters
+from ...models.library.trebuchet import TrebuchetParameters, whipper_numbers
 from ...models.mechanism import Marker, Mechanism
 from ...models.problem import Problem
 from ...models.spec import Spec, number_units
+from ...models.stacked import numbers
 from ..equations import Equations, least_step
 from ..solution import Solution
 from ..solver import solve, solve_to_launch
@@ -38,7 +40,6 @@ from .variational import (
     consistent_directions,
     movable,
     moved,
-    numbers,
 )
 
 _STEP = 1e-200  # of the complex step: its square underflows, so nothing is truncated
@@ -53,7 +54,6 @@ _PLACES = {
     "child_point": "child",
 }
 """The field with the body on which a point is."""
-_UNIT_VECTORS = ("axis", "normal")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def _of_fields(part: Spec, path: str) -> Iterator[PhysicalNumber]:
         if value is None or (isinstance(part, Marker) and field == "mass"):
             continue  # a marker's mass is a part of its body's
         name = _name_of_number(part, field)
-        if field in _UNIT_VECTORS:
+        if field in UNIT_VECTORS:
             x, y = value
             turned = {f"{path}.{field}.0": -y, f"{path}.{field}.1": x}
             yield PhysicalNumber(name, "rad", math.atan2(y, x), turned)
@@ -140,7 +140,7 @@ def _name_of_number(part: Any, field: str) -> str:
         name += " spring"
     if field in _PLACES:
         return f"place of {name} on {getattr(part, _PLACES[field])}"
-    if field in _UNIT_VECTORS:
+    if field in UNIT_VECTORS:
         return f"direction of {name}"
     if field == "centre":
         return f"centre of mass of {name}"
@@ -387,37 +387,6 @@ def _landing(
     # y + vy T - g T^2 / 2 = ground differentiated; vy - g T = -fall.
     d_time = (d_position[:, 1] + time * d_velocity[:, 1] - time * time / 2 * d_gravity) / fall
     return float(x + vx * time), d_position[:, 0] + time * d_velocity[:, 0] + vx * d_time
-
-
-def whipper_numbers(p: Mapping[str, Any]) -> dict[str, Any]:
-    """The numbers of the whipper that depend on its parameters, as `models/trebuchet.py` has them.
-
-    Plain arithmetic, so that it can be followed by a complex step, which validated descriptions
-    cannot. Checked against the machine itself on each use, and in the tests.
-
-    Args:
-        p: values of the fields of `TrebuchetParameters`, real or complex.
-    """
-    return {
-        "bodies.arm.mass": p["m_a"],
-        "bodies.arm.centre.0": (p["l1"] - p["l2"]) / 2,
-        "bodies.arm.inertia": p["m_a"] * (p["l1"] + p["l2"]) ** 2 / 12,
-        "bodies.sling.mass": p["m_b"],
-        "bodies.sling.centre.0": p["r"],
-        "bodies.hanger.mass": p["m_cw"],
-        "bodies.hanger.centre.0": p["h"],
-        "joints.sling pin.parent_point.0": p["l1"],
-        "joints.hanger pin.parent_point.0": -p["l2"],
-        "stops.hanger rest.limit": p["theta0"] - p["alpha0"],
-        "stops.sling rest.limit": p["phi0"] - p["theta0"],
-        "markers.projectile.point.0": p["r"],
-        "markers.counterweight.point.0": p["h"],
-        "markers.arm centre.point.0": (p["l1"] - p["l2"]) / 2,
-        "gravity": p["g"],
-        "start.0": p["theta0"],
-        "start.1": p["phi0"],
-        "start.2": p["alpha0"],
-    }
 
 
 def parameter_directions(

@@ -22,7 +22,7 @@ change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, cast
 
@@ -36,6 +36,7 @@ from ...models.functions import Phasors, PointCoefficients, ScalarFunction
 from ...models.kinematics import initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Spec
+from ...models.stacked import numbers, with_numbers
 from ..equations import Equations, kkt_matrix, least_step
 
 Direction = Mapping[str, float]
@@ -219,18 +220,6 @@ _FUNCTIONS: dict[Any, Callable[..., Dual]] = {
 }
 
 
-def numbers(mechanism: Mechanism) -> dict[str, float]:
-    """Numbers of a mechanism by name, its start speeds included where it rests."""
-
-    def walk(value: object, path: str) -> Iterator[tuple[str, float]]:
-        if isinstance(value, float):
-            yield path, value
-        for name, part in _parts(value):
-            yield from walk(part, f"{path}.{name}" if path else name)
-
-    return dict(walk(_with_speeds(mechanism), ""))
-
-
 def moved(mechanism: Mechanism, direction: Direction, step: float = 1.0) -> Mechanism:
     """The mechanism with its numbers moved along a direction; it is not validated."""
     known = numbers(mechanism)
@@ -240,32 +229,10 @@ def moved(mechanism: Mechanism, direction: Direction, step: float = 1.0) -> Mech
                 f"there is no number {name!r} in {mechanism.name!r}; there is {sorted(known)}."
             )
 
-    def move(value: object, path: str) -> object:
-        if isinstance(value, float):
-            return value + step * direction.get(path, 0.0)
-        parts: dict[str, object] = {}
-        for name, part in _parts(value):
-            parts[name] = move(part, f"{path}.{name}" if path else name)
-        if isinstance(value, Spec):
-            return value.model_copy(update=parts)
-        return tuple(parts.values()) if isinstance(value, tuple) else value
+    def move(name: str, value: float) -> float:
+        return value + step * direction.get(name, 0.0)
 
-    return cast("Mechanism", move(_with_speeds(mechanism), ""))
-
-
-def _with_speeds(mechanism: Mechanism) -> Mechanism:
-    speeds = mechanism.start_speeds or (0.0,) * len(mechanism.start)
-    return mechanism.model_copy(update={"start_speeds": speeds})
-
-
-def _parts(value: object) -> Iterator[tuple[str, Any]]:
-    """Fields of a description by their names; items of a tuple by theirs, or by number."""
-    if isinstance(value, Spec):
-        for field in type(value).model_fields:
-            yield field, getattr(value, field)
-    elif isinstance(value, tuple):
-        for i, item in enumerate(cast("tuple[object, ...]", value)):
-            yield str(getattr(item, "name", i)), item
+    return with_numbers(mechanism, move)
 
 
 def consistent_direction(mechanism: Mechanism, direction: Direction) -> dict[str, float]:

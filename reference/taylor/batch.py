@@ -1,27 +1,30 @@
 """Launches of many machines at once, each in a lane of the processor's vectors.
 
-One compiled batch integrator serves all active sets (:mod:`.expressions`), so a lane changes its
-stops without regard to the others; a lane whose machine has launched takes the next one.
+A motion is made of legs: from its start, or an event, to its next event. One compiled batch
+integrator serves all active sets (:mod:`.expressions`), so that legs of any machines stand in its
+lanes side by side. It runs without a stop: where a lane comes to an event, its state is kept and
+the next leg takes its place. What follows from the events is decided for all legs at once, in
+arrays, and the motions that are not over are the legs of the next round.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from itertools import islice
-from operator import itemgetter
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ...models.arrays import BoolArray, FloatArray, IndexArray
+from ...models.arrays import BoolArray, FloatArray, IndexArray, as_vectors
 from ...models.errors import InputError, SimulationError
-from ...models.kinematics import Kinematics, PointCoefficients, initial_state
+from ...models.kinematics import Kinematics, initial_state
 from ...models.launch import is_launch
+from ...models.library.registry import Model, varied
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem
-from ...models.spec import Spec, number_units
+from ...models.stacked import Stack, kind_of, stacked
 from ..contact import ActiveSet, starts_at_rest
 from ..equations import Equations, scales_of
 from ..reactions import refuse_dependent
@@ -39,6 +42,10 @@ from .solve import taylor_quantities
 
 BATCH_TOLERANCE = 1e-12
 _CHUNK = 4096  # machines whose numbers are held at a time
+_STRETCH = 32  # steps after which motions beyond the duration are looked for
+_FAR = 1e15  # [s] of the integrator's own time, which all legs of a lane share
+_MOST_STOPS = 4  # of which all sets are tried
+_LATE, _ALONE = -1, -2  # ends of a leg: without an event; nobody knows yet, it is solved alone
 # Singular value below which a lane is near: there the other integrators try a window.
 _NEAR = 0.15
 _POSITIONS = 32  # random ones, for the largest arms
@@ -67,6 +74,41 @@ class BatchLaunches:
         return np.hypot(self.velocity[:, 0], self.velocity[:, 1])
 
 
+def launches(
+    model: Model,
+    values: Mapping[str, ArrayLike],
+    *,
+    duration: float = 4.0,
+    tolerance: float = 1e-10,
+) -> BatchLaunches:
+    """Launches of many machines, from arrays of what they differ in, under the release-once law.
+
+    The launch is where the velocity of the marker "projectile" comes down to 45 degrees.
+
+        >>> import trebucheck as tb
+        >>> thrown = tb.launches("rolling", {"l1": [9.0, 9.5, 10.0], "m_cw": 2500.0})
+        >>> thrown.speed.round(3).tolist()  # [m/s]
+        [99.764, 102.061, 103.874]
+
+    Args:
+        model: a name, the path of a .json file, a mechanism or a problem.
+        values: parameters of a named machine, such as "l1", or numbers of the mechanism by the path
+            of their field, such as "bodies.arm.mass", "joints.sling pin.parent_point.0" or
+            "start.1"; each a sequence of n numbers, or one number for all machines.
+        duration: the launch is searched up to here [s]; Table I's machine launches at 2.7 s, one of
+            n times its lengths sqrt(n) times as late.
+        tolerance: relative local error of a step of the integrator.
+
+    Raises:
+        EngineNotInstalledError: heyoka is not here.
+        InputError: values are no arrays of one length, or not valid: the sentence names the field,
+            the machine and its values; or the mechanism throws nothing, or the duration or the
+            tolerance is not usable.
+        UnsupportedProblemError: constraints of a machine depend on each other.
+    """
+    return launch_batch(varied(model, values), duration, tolerance)
+
+
 def launch_batch(
     mechanisms: Iterable[Mechanism], duration: float = 4.0, tolerance: float = BATCH_TOLERANCE
 ) -> BatchLaunches:
@@ -76,8 +118,9 @@ def launch_batch(
     :func:`.solve.taylor_quantities`.
 
     Args:
-        mechanisms: alike but for their numbers: same coordinates, stops and projectile. Of an
-            iterator that makes them one by one no more than some thousands are held at a time.
+        mechanisms: alike but for their numbers: same coordinates, stops and projectile; of an
+            iterator no more than some thousands are held at a time. From arrays they are made a
+            hundred times as quickly (:func:`launches`).
         duration: the launch is searched up to here [s].
         tolerance: relative local error.
 
@@ -89,11 +132,11 @@ def launch_batch(
     """
     if not 2.3e-16 <= tolerance <= 1e-2:
         raise InputError(f"tolerance = {tolerance!r} is not between 2.3e-16 and 0.01.")
-    source, parts = iter(mechanisms), list[BatchLaunches]()
+    parts = list[BatchLaunches]()
     problem: Problem | None = None  # of the first machine
     structure: Structure | None = None
     lanes = int(heyoka().recommended_simd_size())
-    while chunk := list(islice(source, _CHUNK)):
+    for chunk in _chunks(mechanisms):
         problem = problem or Problem(chunk[0], duration)
         if problem.mechanism.marker(PROJECTILE) is None:
             raise InputError(
@@ -102,7 +145,7 @@ def launch_batch(
         machines = _Machines(chunk, problem, len(parts) * _CHUNK, structure)
         structure = machines.structure
         with batch_pool(structure, tolerance, lanes).lend() as integrator:
-            parts.append(_Lanes(integrator, machines, duration, tolerance).run())
+            parts.append(_Motions(integrator, machines, duration, tolerance).run())
     if not parts:
         raise InputError("mechanisms is empty; at least one is needed.")
     columns: dict[str, Any] = {}
@@ -117,8 +160,19 @@ def launch_batch(
     return BatchLaunches(release_times=releases, failures=failures, **columns)
 
 
+def _chunks(mechanisms: Iterable[Mechanism]) -> Iterator[Sequence[Mechanism]]:
+    """Parts of the machines in their order."""
+    if isinstance(mechanisms, Stack):
+        for first in range(0, len(mechanisms), _CHUNK):
+            yield mechanisms[first : first + _CHUNK]
+        return
+    source = iter(mechanisms)
+    while chunk := list(islice(source, _CHUNK)):
+        yield chunk
+
+
 class _Machines:
-    """The machines' parameters and starts as arrays, one column for each.
+    """The machines' parameters and starts as arrays, a row for each.
 
     All are like the problem `example`; `first` is the index of the first of them among all, and
     `before` the structure of those before it.
@@ -133,30 +187,33 @@ class _Machines:
     ) -> None:
         self.mechanisms, self._example, self._first = mechanisms, example, first
         self.guard: _RankGuard | None = None
-        self.names = tuple(stop.name for stop in mechanisms[0].stops)
+        self.names = tuple(stop.name for stop in example.mechanism.stops)
         self.stops = relevant_stops(example)
         groups: list[tuple[IndexArray, Problem, Kinematics]] = []
         for indices, alike in stacked(mechanisms):
-            i = int(indices[0])
-            if _properties(mechanisms[i]) != _properties(example.mechanism):
-                raise self._refusal(i)
+            if _properties(alike) != _properties(example.mechanism):
+                raise self._refusal(int(indices[0]))
             groups.append((indices, self.problem(alike), Kinematics(alike)))
         numbers = self._take_structure(groups, before)
         n, n_q = len(mechanisms), self.structure.n_q
-        self.parameters = np.zeros((self.structure.n_parameters, n))
-        self.parameters[: self.structure.n_numbers] = numbers[:, np.array(self.structure.present)].T
-        self.states, self.speed_scales = np.empty((2 * n_q, n)), np.empty(n)
-        self.projectiles = np.empty((n, n_q), dtype=np.complex128)
-        self.plain = np.empty(n, dtype=bool)
+        self.parameters = np.zeros((n, self.structure.n_parameters))
+        self.parameters[:, : self.structure.n_numbers] = numbers[
+            :, np.array(self.structure.present)
+        ]
+        self.states, self._speed_scales = np.empty((n, 2 * n_q)), np.empty(n)
+        self._projectiles = np.empty((n, n_q), dtype=np.complex128)
+        self._at_rest = np.empty(n, dtype=bool)
         for indices, problem, kinematics in groups:
             projectile = projectile_row(problem.mechanism, kinematics)
-            self.states[:, indices] = np.concatenate(initial_state(problem.mechanism), axis=-1).T
-            self.speed_scales[indices] = kinematics.speed_scale(projectile)
-            self.projectiles[indices] = projectile.coefficients
-            self.plain[indices] = starts_at_rest(kinematics, self.stops)
-        self.kinematics = groups[0][2]
+            self.states[indices] = np.concatenate(initial_state(problem.mechanism), axis=-1)
+            self._speed_scales[indices] = kinematics.speed_scale(projectile)
+            self._projectiles[indices] = projectile.coefficients
+            self._at_rest[indices] = starts_at_rest(kinematics, self.stops)
+        self._phasors = groups[0][2]  # alike for all
+        self.rests = np.array(
+            [name in rests_of(example.mechanism) for name in self.stops], dtype=bool
+        )
         self._begin()
-        self.rests = np.array([name in rests_of(mechanisms[0]) for name in self.stops], dtype=bool)
 
     def problem(self, mechanism: Mechanism) -> Problem:
         """Problem of a valid mechanism: not validated again, which takes as long as its motion."""
@@ -194,162 +251,297 @@ class _Machines:
         return numbers
 
     def _begin(self) -> None:
-        """Touching stops active but one that would have to pull; other starts one by one."""
-        active = self.structure.active
-        self.parameters[active] = 1.0
-        if self.stops:
-            # Where one stop alone would have to pull, its gap opens without it, for the Delassus
-            # matrix is definite.
-            pulls = ~(self._torques() >= 0)
-            self.parameters[active] = ~(pulls & (pulls.sum(axis=0) == 1))
-            self.plain &= np.all(self._torques() >= 0, axis=0)
-        self.released_at_start = self.parameters[active].T == 0
-        self.alone = np.zeros(len(self.mechanisms), dtype=bool)
+        """Decide which of the touching stops are active at the start, and who is solved alone."""
+        everyone = np.arange(len(self.mechanisms))
+        touching = np.ones((len(everyone), len(self.stops)), dtype=bool)
+        self.closed, undecided = self.pushing(everyone, self.states, touching)
+        self.alone = np.zeros(len(everyone), dtype=bool)
         if self.structure.n_loops:
-            q = self.states[: self.structure.n_q]
-            self.guard = _RankGuard(self.structure, self.parameters, q)
+            self.parameters[:, self.structure.active] = self.closed
+            positions = self.states[:, : self.structure.n_q]
+            self.guard = _RankGuard(self.structure, self.parameters.T, positions.T)
             self.alone = self.guard.near_at_start
-        for i in np.flatnonzero(~self.plain & ~self.alone).tolist():
+        undecided |= ~self._at_rest
+        for i in np.flatnonzero(undecided & ~self.alone).tolist():
             equations = Equations(self.mechanisms[i])
             initial = ActiveSet(self.problem(self.mechanisms[i]), equations).begin()
             refuse_dependent(equations, initial.q, initial.closed, "the Taylor integrator")
-            self.states[:, i] = np.concatenate([initial.q, initial.u])
-            self.released_at_start[i] = [name not in initial.closed for name in self.stops]
-        self.parameters[active] = ~self.released_at_start.T
+            self.states[i] = np.concatenate([initial.q, initial.u])
+            self.closed[i] = [name in initial.closed for name in self.stops]
 
-    def _torques(self) -> FloatArray:
-        parameters = self.parameters[: self.structure.active.stop]
-        return np.asarray(torque_function(self.structure, np.float64)(self.states, pars=parameters))
+    def pushing(
+        self, machines: IndexArray, states: FloatArray, touching: BoolArray
+    ) -> tuple[BoolArray, BoolArray]:
+        """Which of the touching stops push, as :func:`..contact.active_contacts` selects them.
 
-    def velocity(self, i: int, state: FloatArray) -> FloatArray:
-        """Velocity of the projectile of machine i [m/s], shape (2,)."""
-        n_q, row = self.structure.n_q, PointCoefficients(0j, self.projectiles[i])
-        return self.kinematics.velocity(row, state[:n_q], state[n_q:])
+        With a set of stops active, one that is not would have to pull if it were active as well
+        where its gap opens: the Delassus matrix is definite. So the torques of all sets decide.
+
+        Args:
+            machines: indices, shape (m,).
+            states: (m, 2 n_q).
+            touching: (m, n_stops).
+
+        Returns:
+            The stops, (m, n_stops), and whether none of the sets is the one, (m,).
+        """
+        closed, undecided = touching.copy(), np.zeros(len(machines), dtype=bool)
+        if not self.stops:
+            return closed, undecided
+        torques = self._torques(machines, states, touching)
+        rows = np.flatnonzero(np.any(touching & ~(torques >= 0), axis=1))
+        everything = range(len(self.stops))
+        for size in reversed(everything if len(everything) <= _MOST_STOPS else ()):
+            for chosen in combinations(everything, size):
+                if not len(rows):
+                    break
+                active = np.zeros((len(rows), len(everything)), dtype=bool)
+                active[:, chosen] = True
+                data = machines[rows], states[rows]
+                fits = np.all(touching[rows] >= active, axis=1)
+                fits &= np.all((self._torques(*data, active) > 0) | ~active, axis=1)
+                for other in set(everything).difference(chosen):
+                    active[:, other] = True
+                    pulls = self._torques(*data, active)[:, other] <= 0
+                    fits &= pulls | ~touching[rows, other]
+                    active[:, other] = False
+                closed[rows[fits]] = active[fits]
+                rows = rows[~fits]
+        undecided[rows] = True
+        return closed, undecided
+
+    def _torques(self, machines: IndexArray, states: FloatArray, active: BoolArray) -> FloatArray:
+        """Torques of the stops, (m, n_stops): of states (m, 2 n_q) and active stops."""
+        parameters = self.parameters[machines, : self.structure.active.stop].T.copy()
+        parameters[self.structure.active] = active.T
+        function = torque_function(self.structure, np.float64)
+        return np.asarray(function(states.T.copy(), pars=parameters)).T
+
+    def is_launch(self, i: int, state: FloatArray) -> bool:
+        """Tell whether machine i launches: not in the opposite direction, nor from rest."""
+        q, u = state[: self.structure.n_q], state[self.structure.n_q : 2 * self.structure.n_q]
+        flow = self._phasors.flow(q, u, self._phasors.rates(q))
+        velocity = complex(flow @ self._projectiles[i])
+        return is_launch((velocity.real, velocity.imag), scale=self._speed_scales[i])
+
+    def velocities(self, machines: IndexArray, states: FloatArray) -> FloatArray:
+        """Velocities of the projectiles [m/s], shape (m, 2)."""
+        q, u = np.split(states, 2, axis=1)
+        flow = self._phasors.flow(q, u, self._phasors.rates(q))
+        return as_vectors(np.sum(flow * self._projectiles[machines], axis=1))
 
 
 def _properties(mechanism: Mechanism) -> tuple[object, ...]:
     """Properties that all machines of a batch share."""
-    stops = [(type(stop), _reader(type(stop))(vars(stop))) for stop in mechanism.stops]
+    stops = [kind_of(stop) for stop in mechanism.stops]
     thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
     loops = [(joint.name, joint.kind) for joint in mechanism.loop_joints]
     return mechanism.coordinates, stops, thrown, loops
 
 
+@dataclass
+class _Legs:
+    """Legs of motions, a row for each: who moves, from when [s], and how."""
+
+    machines: IndexArray  # shape (m,)
+    times: FloatArray  # shape (m,)
+    states: FloatArray  # with the integrator's observer, shape (m, 2 n_q + 1)
+    parameters: FloatArray  # shape (m, n_parameters)
+
+    def of(self, rows: BoolArray) -> _Legs:
+        """Some of the legs."""
+        return _Legs(
+            self.machines[rows], self.times[rows], self.states[rows], self.parameters[rows]
+        )
+
+
 class _Lanes:
-    """Steps all lanes together; each has a machine, or none when there are no more."""
+    """Takes legs to their next events; each lane has one of them, or none when no more wait."""
+
+    def __init__(self, integrator: Any, machines: _Machines, duration: float) -> None:
+        self._integrator, self._machines, self._duration = integrator, machines, duration
+        # Views that stay true. The integrator's own time is that of all legs of a lane.
+        self._state, self._pars = integrator.state, integrator.pars
+        self._high, self._low = integrator.dtime
+        self._n_stops = len(machines.stops)
+        self._lanes = range(int(integrator.batch_size))
+        self._settings: dict[str, Any] = {"max_steps": _STRETCH}
+        if machines.guard is not None:
+            self._settings |= {"callback": self._after_step, "write_tc": True}
+        self._met: list[tuple[int, int]] = []
+        # Of each lane: its leg, -1 for none, and its own time at the leg's start.
+        self._leg = [-1] * len(self._lanes)
+        self._began = [(0.0, 0.0)] * len(self._lanes)
+
+    def take(self, legs: _Legs) -> IndexArray:
+        """Move legs, in place, to the next event of each: its index, or _LATE or _ALONE."""
+        integrator, failed = self._integrator, heyoka().taylor_outcome.err_nf_state
+        self._legs, self._events = legs, [_LATE] * len(legs.machines)
+        self._waiting, self._busy = iter(range(len(legs.machines))), len(self._lanes)
+        self._idle = legs.states[0].copy(), legs.parameters[0].copy()
+        self._idle[1][self._machines.structure.n_numbers :] = 0.0
+        for event in integrator.t_events:
+            event.callback.receiver = self._meet
+        start = np.zeros(len(self._lanes))
+        integrator.set_dtime(start, start)
+        for lane in self._lanes:
+            self._load(lane, (0.0, 0.0))
+        while self._busy:
+            integrator.propagate_until(start + _FAR, **self._settings)
+            finite = np.isfinite(self._high + self._low)
+            integrator.set_dtime(
+                np.where(finite, self._high, 0.0), np.where(finite, self._low, 0.0)
+            )
+            for lane, (outcome, *_) in enumerate(integrator.propagate_res):
+                if self._leg[lane] < 0:
+                    self._park(lane)
+                elif outcome == failed:
+                    self._end(lane, _ALONE)
+                elif self._legs.times[self._leg[lane]] + self._elapsed(lane) > self._duration:
+                    self._end(lane, _LATE)
+        for event in integrator.t_events:
+            event.callback.receiver = None
+        return np.array(self._events)
+
+    def _elapsed(self, lane: int) -> float:
+        """Time since a lane's leg began [s]."""
+        high, low = self._began[lane]
+        return (self._high[lane] - high) + (self._low[lane] - low)
+
+    def _meet(self, event: int, lane: int) -> bool:
+        """Take note of an event of a lane; whether the integrator is to go on."""
+        leg = self._leg[lane]
+        if leg < 0:
+            return True
+        if event == self._n_stops:
+            state = self._state[:, lane]
+            if not self._machines.is_launch(self._legs.machines[leg], state):
+                return True
+        if self._machines.guard is not None:
+            self._met.append((lane, event))  # what the step has passed is looked at first
+            return True
+        self._end(lane, event)
+        return self._busy > 0
+
+    def _after_step(self, _: Any) -> bool:
+        """End legs that came near a singular position, or to an event, in the last step."""
+        guard = self._machines.guard
+        assert guard is not None
+        ends = dict(self._met)
+        self._met.clear()
+        near = guard.after_step(self._integrator, self._legs.machines[self._leg])
+        ends |= dict.fromkeys(np.flatnonzero(near).tolist(), _ALONE)
+        for lane, event in ends.items():
+            if self._leg[lane] >= 0:
+                self._end(lane, event)
+        return self._busy > 0
+
+    def _end(self, lane: int, event: int) -> None:
+        """End the leg of a lane, and begin the next one there."""
+        leg, legs = self._leg[lane], self._legs
+        legs.times[leg] += self._elapsed(lane)
+        legs.states[leg] = self._state[:, lane]
+        self._events[leg] = event
+        self._load(lane, (self._high[lane], self._low[lane]))
+
+    def _load(self, lane: int, now: tuple[float, float]) -> None:
+        """Begin the next leg in a lane, if one waits."""
+        leg = self._leg[lane] = next(self._waiting, -1)
+        if leg < 0:
+            self._busy -= 1
+            self._park(lane)
+            return
+        self._state[:, lane] = self._legs.states[leg]
+        self._pars[:, lane] = self._legs.parameters[leg]
+        self._began[lane] = now
+        self._integrator.reset_cooldowns(lane)
+
+    def _park(self, lane: int) -> None:
+        """Let a lane go through a motion without events."""
+        self._state[:, lane], self._pars[:, lane] = self._idle
+
+
+class _Motions:
+    """Motions of the machines of a chunk, from event to event."""
 
     def __init__(
         self, integrator: Any, machines: _Machines, duration: float, tolerance: float
     ) -> None:
-        self.integrator, self.machines = integrator, machines
-        self.structure = machines.structure
-        self.active, self.launch = self.structure.active, self.structure.launch
-        self.torques = torque_function(self.structure, np.float64) if machines.stops else None
+        self.machines, self.structure = machines, machines.structure
         self.duration, self.tolerance = duration, tolerance
+        self.lanes = _Lanes(integrator, machines, duration)
         self.failures: dict[int, str] = {}
-        self.state, self.pars = integrator.state, integrator.pars
         n = len(machines.mechanisms)
-        together = np.flatnonzero(~machines.alone).tolist()
-        self.waiting, self.last = iter(together), together[-1] if together else 0
-        self.machine = [-1] * int(integrator.batch_size)
-        self.releases = np.where(machines.released_at_start, 0.0, np.nan)
+        self.releases = np.where(machines.closed, np.nan, 0.0)
         self.time = np.full(n, np.nan)
         self.at_launch = np.full((n, 2 * self.structure.n_q), np.nan)
         self.velocity = np.full((n, 2), np.nan)
 
     def run(self) -> BatchLaunches:
         """Run until every machine has launched, or to the end of the duration."""
-        machines, guard = self.machines, self.machines.guard
-        outcomes = heyoka().taylor_outcome
-        for i in np.flatnonzero(machines.alone).tolist():
-            self._solve_alone(i)
-        for lane in range(len(self.machine)):
-            self._load(lane)
-        while max(self.machine) >= 0:
-            self.integrator.step(write_tc=guard is not None)
-            late = (self.integrator.time > self.duration).tolist()
-            near = [False] * len(late)
-            if guard is not None:
-                near = guard.after_step(self.integrator, np.array(self.machine)).tolist()
-            for lane, (outcome, _) in enumerate(self.integrator.step_res):
-                if self.machine[lane] < 0:
-                    if outcome == outcomes.err_nf_state:
-                        self._load(lane)
-                elif near[lane]:
-                    self._solve_alone(self.machine[lane])
-                    self._load(lane)
-                elif late[lane]:
-                    self._load(lane)
-                elif outcome != outcomes.success:
-                    self._event(lane, -int(outcome) - 1)
+        machines, n_stops = self.machines, len(self.machines.stops)
+        self._solve_alone(np.flatnonzero(machines.alone))
+        legs = self._start(np.flatnonzero(~machines.alone))
+        while len(legs.machines):
+            events = self.lanes.take(legs)
+            self._solve_alone(legs.machines[events == _ALONE])
+            events[legs.times > self.duration] = _LATE
+            self._launch(legs.of(events == n_stops))
+            released = (events >= 0) & (events < n_stops)
+            legs = self._release(legs.of(released), events[released])
         releases = {name: np.full(len(self.time), np.nan) for name in machines.names}
         releases |= dict(zip(machines.stops, self.releases.T, strict=True))
-        launched, n_q = np.isfinite(self.time), self.structure.n_q
-        q, u = self.at_launch[:, :n_q], self.at_launch[:, n_q:]
+        q, u = np.split(self.at_launch, 2, axis=1)
+        launched = np.isfinite(self.time)
         return BatchLaunches(releases, launched, self.time, self.velocity, q, u, self.failures)
 
-    def _solve_alone(self, i: int) -> None:
-        """Solve a machine that the lanes cannot take, or note why it cannot be solved."""
-        self.releases[i] = np.nan
-        try:
-            problem = self.machines.problem(self.machines.mechanisms[i])
-            throw = taylor_quantities(problem, "double", self.tolerance)
-        except SimulationError as error:
-            self.failures[i] = str(error)
-            return
-        for k, name in enumerate(self.machines.stops):
-            if (time := throw.release_times[name]) is not None:
-                self.releases[i, k] = time
-        if throw.launch_q is not None and throw.launch_u is not None:
-            self.time[i], self.velocity[i] = throw.launch_time, throw.launch_velocity
-            self.at_launch[i] = np.concatenate([throw.launch_q, throw.launch_u])
+    def _start(self, machines: IndexArray) -> _Legs:
+        states = np.pad(self.machines.states[machines], ((0, 0), (0, 1)))
+        parameters = self.machines.parameters[machines]
+        self._switch(parameters, self.machines.closed[machines])
+        return _Legs(machines, np.zeros(len(machines)), states, parameters)
 
-    def _load(self, lane: int) -> None:
-        """Give a lane the next machine; without one, the last again, whose results are ignored."""
-        self.machine[lane] = next(self.waiting, -1)
-        i = self.last if self.machine[lane] < 0 else self.machine[lane]
-        self.state[:-1, lane] = self.machines.states[:, i]
-        self.state[-1, lane] = 0.0
-        self.pars[:, lane] = self.machines.parameters[:, i]
-        self._look_for_launch(lane)
-        high, low = (part.copy() for part in self.integrator.dtime)
-        high[lane] = low[lane] = 0.0
-        if not np.isfinite(high).all():  # another lane's failure in this step is not seen yet
-            high[~np.isfinite(high)] = low[~np.isfinite(high)] = 0.0
-        self.integrator.set_dtime(high, low)
-        self.integrator.reset_cooldowns(lane)
+    def _switch(self, parameters: FloatArray, closed: BoolArray) -> None:
+        """Set the switches; a launch is an event while none of the projectile's rests holds it."""
+        parameters[:, self.structure.active] = closed
+        if self.structure.throws:
+            held = np.any(closed & self.machines.rests, axis=1)
+            parameters[:, self.structure.launch] = ~held
 
-    def _look_for_launch(self, lane: int) -> None:
-        """A launch is an event from when none of the projectile's own rests holds it."""
-        held = self.pars[self.active, lane] @ self.machines.rests
-        self.pars[self.launch, lane] = 0.0 if held else 1.0
+    def _launch(self, legs: _Legs) -> None:
+        i, states = legs.machines, legs.states[:, :-1]
+        self.time[i], self.at_launch[i] = legs.times, states
+        self.velocity[i] = self.machines.velocities(i, states)
 
-    def _event(self, lane: int, event: int) -> None:
-        """Open a stop, or record a launch, and go on with the next machine."""
-        i = self.machine[lane]
-        state = self.state[:-1, lane].copy()
-        if event < len(self.machines.stops):
-            active = self.pars[self.active, lane]
-            opened = np.zeros(len(active), dtype=bool)
-            opened[event] = True
-            while opened.any():  # stops that would have to pull now open at the same instant
-                self.releases[i, opened] = self.integrator.time[lane]
-                active[opened] = 0.0
-                if self.torques is None or not active.any():
-                    break
-                pars = self.pars[: self.active.stop, lane].copy()
-                opened = self.torques(state, pars=pars) < 0
-            self._look_for_launch(lane)
-        elif event > len(self.machines.stops):  # the state is not finite
-            self._solve_alone(i)
-            self._load(lane)
-        else:
-            velocity = self.machines.velocity(i, state)
-            # Neither in the opposite direction, nor a start from rest.
-            if is_launch(velocity, scale=self.machines.speed_scales[i]):
-                self.time[i] = float(self.integrator.time[lane])
-                self.at_launch[i], self.velocity[i] = state, velocity
-                self._load(lane)
+    def _release(self, legs: _Legs, events: IndexArray) -> _Legs:
+        """Open a stop of each leg, and those that would have to pull without it."""
+        before = legs.parameters[:, self.structure.active] > 0
+        touching = before.copy()
+        touching[np.arange(len(events)), events] = False
+        states = legs.states[:, :-1]
+        closed, undecided = self.machines.pushing(legs.machines, states, touching)
+        self._solve_alone(legs.machines[undecided])
+        opened, rows = np.nonzero((before & ~closed).T)
+        self.releases[legs.machines[rows], opened] = legs.times[rows]
+        self._switch(legs.parameters, closed)
+        return legs.of(~undecided)
+
+    def _solve_alone(self, machines: IndexArray) -> None:
+        """Solve machines that the lanes cannot take, or note why they cannot be solved."""
+        for i in machines.tolist():
+            self.releases[i] = np.nan
+            try:
+                problem = self.machines.problem(self.machines.mechanisms[i])
+                throw = taylor_quantities(problem, "double", self.tolerance)
+            except SimulationError as error:
+                self.failures[i] = str(error)
+                continue
+            for k, name in enumerate(self.machines.stops):
+                if (time := throw.release_times[name]) is not None:
+                    self.releases[i, k] = time
+            if throw.launch_q is not None and throw.launch_u is not None:
+                self.time[i], self.velocity[i] = throw.launch_time, throw.launch_velocity
+                self.at_launch[i] = np.concatenate([throw.launch_q, throw.launch_u])
 
 
 class _RankGuard:
@@ -410,47 +602,3 @@ class _RankGuard:
         values, rank = np.linalg.svd(scaled, compute_uv=False), active.sum(axis=1)
         least = values[..., np.arange(len(rank)), np.minimum(rank, values.shape[-1]) - 1]
         return np.where(rank > values.shape[-1], 0.0, least)
-
-
-_PARTS = ("bodies", "joints", "stops", "markers", "force_elements")
-
-
-def stacked(mechanisms: Sequence[Mechanism]) -> Iterator[tuple[IndexArray, Mechanism]]:
-    """Indices of the mechanisms of each kind, and these mechanisms as one.
-
-    Mechanisms are of one kind if they differ in their numbers and in their own name alone. A
-    stacked mechanism is for :class:`...models.kinematics.Kinematics` alone, whose arrays then have
-    a first axis more: each of its numbers (lengths, masses, the start) is an array over the
-    mechanisms, shape (n,). It is not validated.
-    """
-    kinds: dict[tuple[object, ...], list[int]] = {}
-    for i, mechanism in enumerate(mechanisms):
-        fields = mechanism.__dict__
-        kind: list[object] = [len(fields["start"]), len(fields["start_speeds"])]
-        for name in _PARTS:
-            kind.append(name)
-            for part in fields[name]:
-                kind += (type(part), _reader(type(part))(part.__dict__))
-        kinds.setdefault(tuple(kind), []).append(i)
-    for indices in kinds.values():
-        alike = [mechanisms[i] for i in indices]
-        columns = _columns(alike)
-        for name in _PARTS:
-            parts = zip(*(getattr(mechanism, name) for mechanism in alike), strict=True)
-            columns[name] = tuple(part[0].model_copy(update=_columns(part)) for part in parts)
-        yield np.array(indices), alike[0].model_copy(update=columns)
-
-
-def _columns(specs: Sequence[Spec]) -> dict[str, Any]:
-    """Numbers of objects of a class as arrays over them; of vectors each component."""
-    columns: dict[str, Any] = {}
-    for name in number_units(type(specs[0])):
-        column = np.array([getattr(spec, name) for spec in specs], dtype=np.float64)
-        columns[name] = column if column.ndim == 1 else tuple(np.ascontiguousarray(column.T))
-    return columns
-
-
-@lru_cache
-def _reader(cls: type[Spec]) -> Callable[[dict[str, Any]], object]:
-    """Reads the fields that hold no numbers."""
-    return itemgetter(*(name for name in cls.model_fields if name not in number_units(cls)))

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
@@ -523,16 +523,34 @@ def scalar_pool(structure: Structure, tolerance: float, real: RealType) -> _Pool
     return _Pool(integrator)
 
 
+class Relay:
+    """Callback of an event of a batch integrator, which passes it on to who has borrowed that one.
+
+    heyoka copies it with the integrator. The receiver gets the index of the event and the lane, and
+    says whether the integrator is to go on.
+    """
+
+    def __init__(self, event: int) -> None:
+        self._event = event
+        self.receiver: Callable[[int, int], bool] | None = None
+
+    def __call__(self, integrator: Any, sign: int, lane: int) -> bool:
+        """Pass an event on; heyoka calls this."""
+        return self.receiver is not None and self.receiver(self._event, lane)
+
+
 @lru_cache(_KEPT)
 def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
     """Integrators of several machines at once, in the lanes of the processor's vectors."""
     hy, system = heyoka(), TaylorSystem(structure)
-    falls = hy.event_direction.negative
+    falls, events = hy.event_direction.negative, list[Any]()
+    for k, function in enumerate(system.events):
+        events.append(hy.t_event_batch(function, direction=falls, callback=Relay(k)))
     integrator = hy.taylor_adaptive_batch(
         system.rates,
         np.zeros((2 * structure.n_q + 1, lanes)),
         pars=np.ones((structure.n_parameters, lanes)),
-        t_events=[hy.t_event_batch(function, direction=falls) for function in system.events],
+        t_events=events,
         tol=tolerance,
         compact_mode=system.operations > _UNROLLED,
     )

@@ -238,7 +238,7 @@ def _force_terms(kinematics: Kinematics) -> _ForceTerms:
 def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real:
     """Numbers of a machine as one vector, in this precision, ordered as `sections`.
 
-    Of stacked machines (:func:`.batch.stacked`) one vector for each, shape (n, n_numbers).
+    Of stacked machines (:mod:`...models.stacked`) one vector for each, shape (n, n_numbers).
     """
     mechanism, terms = problem.mechanism, _force_terms(kinematics)
     machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)

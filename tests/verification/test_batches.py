@@ -13,12 +13,14 @@ from random_mechanisms import random_mechanism
 from trebucheck.models.elements import SpringDamper
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.library.registry import varied
 from trebucheck.models.mechanism import Marker, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Spec
+from trebucheck.models.stacked import columns_of, numbers, stack_of, stacked
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor import batch
-from trebucheck.reference.taylor.batch import launch_batch, stacked
+from trebucheck.reference.taylor.batch import launch_batch
 from trebucheck.reference.taylor.numbers import numbers_of, projectile_row
 from trebucheck.reference.taylor.solve import taylor_quantities
 
@@ -204,3 +206,158 @@ def test_constraints_that_depend_on_each_other_are_refused() -> None:
         match="the Taylor integrator needs constraints that are independent",
     ):
         launch_batch([marked], duration=1.0)
+
+
+# from arrays of parameters
+
+WHIPPERS = {
+    "l1": (7.0, 12.5),
+    "l2": (2.5, 5.0),
+    "r": (4.0, 8.0),
+    "h": (6.0, 12.0),
+    "m_b": (30.0, 150.0),
+    "m_cw": (1500.0, 5000.0),
+    "theta0": (-1.0, 1.5),
+    "phi0": (0.0, 6.0),
+    "alpha0": (-3.0, 3.0),
+}
+"""Machines whose rests open in any order, or at once; some roll about for ever."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["fixed", "rolling"])
+def test_launches_from_arrays_are_those_of_each_machine(name: str) -> None:
+    pytest.importorskip("heyoka")
+    random, n = np.random.default_rng(7), 60
+    values = {field: random.uniform(*limits, n) for field, limits in WHIPPERS.items()}
+    found = tb.launches(name, values, duration=3.5)
+    first_opened: set[str] = set()
+    for i in range(n):
+        parameters = tb.TrebuchetParameters(**{field: v[i] for field, v in values.items()})
+        problem = Problem(tb.model(name, parameters), duration=3.5)
+        alone = taylor_quantities(problem, "double", tolerance=1e-13)
+        assert found.launched[i] == (alone.launch_time is not None)
+        if alone.launch_time is None or alone.launch_velocity is None:
+            assert np.isnan(found.time[i]) and np.isnan(found.velocity[i]).all()
+            continue
+        # A hundred steps of 1e-10 each, in motions that magnify an error ten times.
+        assert found.time[i] == pytest.approx(float(alone.launch_time), abs=1e-7)
+        assert found.velocity[i] == pytest.approx(alone.launch_velocity, abs=1e-6)
+        opened = {n: float(t) for n, t in alone.release_times.items() if t is not None}
+        for stop, time in opened.items():
+            if time <= alone.launch_time:
+                assert found.release_times[stop][i] == pytest.approx(time, abs=1e-7)
+        first_opened.add(min(opened, key=lambda stop: opened[stop]))
+    assert first_opened == {"hanger rest", "sling rest"}
+    assert 0 < found.launched.sum() < n
+
+
+@pytest.mark.slow
+def test_any_number_of_a_mechanism_may_be_an_array() -> None:
+    pytest.importorskip("heyoka")
+    stiffness, speed = np.linspace(0.0, 30.0, 9), np.linspace(9.0, 12.0, 9)
+    machines = [_overarm(*row) for row in zip(stiffness, [0.1] * 9, [1.0] * 9, speed, strict=True)]
+    paths = {"force_elements.tie.stiffness": stiffness, "start_speeds.0": speed}
+    found = tb.launches(_overarm(5.0, 0.1, 1.0), paths, duration=2.0, tolerance=1e-12)
+    expected = launch_batch(machines, duration=2.0)
+    assert found.launched.any()
+    for name in ("time", "velocity", "q", "u"):
+        assert getattr(found, name) == pytest.approx(
+            getattr(expected, name), abs=1e-11, nan_ok=True
+        )
+
+
+def test_a_single_number_stands_for_all_machines() -> None:
+    machines = varied("fixed", {"l1": [9, 10, 11], "m_cw": 2500})
+    assert [machine.body("hanger").mass for machine in machines] == [2500.0] * 3
+    assert machines[1] == tb.fixed(tb.TrebuchetParameters(m_cw=2500.0))
+    assert [m.body("arm").centre[0] for m in machines[1:]] == [3.0, 3.5]
+
+
+def test_parameters_of_other_machines_may_be_arrays() -> None:
+    machines = varied("hinged", {"theta0": [2.2, 2.4], "m_cw": [2500.0, 3000.0]})
+    assert machines[1] == tb.hinged(tb.HingedParameters(theta0=2.4, m_cw=3000.0))
+
+
+BEYOND = {
+    "negative": ("fixed", {"l1": [9.0, -3.0]}, ("1", "l1", "-3.0")),
+    "too large": ("fixed", {"theta0": [0.0, 13.0]}, ("1", "theta0", "13.0")),
+    "no number": ("rolling", {"r": [6.0, 7.0, math.nan]}, ("2", "r", "nan")),
+    "infinite": ("rolling", {"r": [6.0, -math.inf]}, ("1", "r", "-inf")),
+    "overflow": ("fixed", {"l2": [4.0, 1e200]}, ("1", "l2", "1e+200")),
+    "stop in the way": ("fixed", {"theta0": [0.0, 10.0]}, ("1", "theta0", "10.0", "arm stop")),
+    "of another machine": ("hinged", {"m_b": [60.0, 0.0]}, ("1", "m_b", "0.0")),
+    "field": ("fixed", {"bodies.arm.mass": [1e3, 0.0]}, ("1", "bodies.arm.mass", "0.0")),
+    "gap": ("fixed", {"start.1": [math.pi, 3.2]}, ("1", "start.1", "3.2", "sling rest")),
+    "axis": ("rolling", {"joints.fulcrum.axis.1": [0.0, 0.1]}, ("1", "0.1", "length 1")),
+    "open loop": ("floating-arm", {"joints.track.child_point.1": [0, 0.3]}, ("1", "0.3", "track")),
+    "no field": ("fixed", {"bodies.arm.mas": [1.0]}, ("bodies.arm.mas", "bodies.arm.mass")),
+    "no parameter": ("fixed", {"l1": [9.0], "l3": [1.0]}, ("l3", "l2")),
+    "lengths": ("fixed", {"l1": [9.0, 9.5], "r": [6.0, 6.5, 7.0]}, ("l1", "2", "r", "3")),
+    "text": ("fixed", {"l1": ["9"]}, ("l1", "'9'")),
+    "truth": ("fixed", {"l1": [True]}, ("l1", "True")),
+    "table": ("fixed", {"l1": [[9.0]]}, ("l1", "[[9.0]]")),
+    "none": ("fixed", {"l1": []}, ("l1", "[]")),
+    "nothing": ("fixed", {}, ("values",)),
+}
+"""A model, values of which one cannot be built, and what the sentence has to name."""
+
+
+@pytest.mark.parametrize("case", BEYOND)
+def test_values_that_no_machine_takes_are_refused(case: str) -> None:
+    model, values, named = BEYOND[case]
+    with pytest.raises(tb.InputError) as refusal:
+        tb.launches(model, values)
+    for name in named:
+        assert name in str(refusal.value)
+
+
+AMONG = {
+    "stop": (
+        tb.fixed(),
+        {"start.1": [3.0, 3.1, 3.2, 3.3], "stops.sling rest.limit": [3.0, 3.1, 3.15, 3.3]},
+    ),
+    "direction": (
+        tb.rolling(),
+        {
+            "joints.fulcrum.axis.0": [1.0, 0.8, 0.7, 0.0],
+            "joints.fulcrum.axis.1": [0.0, 0.6, 0.7, 1.0],
+        },
+    ),
+    "spring": (
+        _overarm(rest_length=1.0),
+        {
+            "force_elements.tie.relative_point.0": [-3.0, -2.0, -2.0, -1.0],
+            "force_elements.tie.relative_point.1": [-1.0, 3.0, 0.0, 1.0],
+        },
+    ),
+    "loop": (
+        _four_bar(1.0, 0.5),
+        {"start.0": [0.4, 0.5, 0.45, 0.6], "start.1": [0.4, 0.5, 0.55, 0.6]},
+    ),
+}
+"""Numbers that fit together but in machine 2, none of which is the least or the largest."""
+
+
+@pytest.mark.parametrize("case", AMONG)
+def test_one_machine_whose_numbers_do_not_fit_is_found(case: str) -> None:
+    mechanism, values = AMONG[case]
+    columns = columns_of(values)
+    with pytest.raises(tb.InputError, match="machine 2 "):
+        stack_of(mechanism, columns).refuse()
+    fits = {name: np.delete(column, 2) for name, column in columns.items()}
+    stack_of(mechanism, fits).refuse()
+
+
+@pytest.mark.parametrize("mechanism", [everything(), _overarm(rest_length=1.0)])
+def test_arrays_are_refused_where_a_machine_alone_is(mechanism: Mechanism) -> None:
+    for name, value in numbers(mechanism).items():
+        for x in (value + 1e-3, value - 0.7, -1e3):
+            machines = stack_of(mechanism, {name: np.array([value, x])})
+            try:
+                assert numbers(machines[1])[name] == x
+            except tb.InputError:
+                with pytest.raises(tb.InputError, match="machine 1 "):
+                    machines.refuse()
+            else:
+                machines.refuse()

@@ -19,16 +19,17 @@ from hypothesis import assume, given
 from mechanisms import slider_crank
 from scipy.linalg import null_space
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.library.trebuchet import whipper_numbers
+from trebucheck.models.stacked import numbers
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.sensitivity.release import (
     Sensitivities,
     marker_tangent,
     parameter_directions,
     state_tangent,
-    whipper_numbers,
     whipper_sensitivities,
 )
-from trebucheck.reference.sensitivity.variational import VariationalEquations, numbers
+from trebucheck.reference.sensitivity.variational import VariationalEquations
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
