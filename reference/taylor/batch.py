@@ -4,7 +4,8 @@ A motion is made of legs: from its start, or an event, to its next event. One co
 integrator serves all active sets (:mod:`.expressions`), so that legs of any machines stand in its
 lanes side by side. It runs without a stop: where a lane comes to an event, its state is kept and
 the next leg takes its place. What follows from the events is decided for all legs at once, in
-arrays, and the motions that are not over are the legs of the next round.
+arrays, and the motions that are not over are the legs of the next round. Those that no stop holds
+any more are moved by the shorter equations of the machine without stops, if there are many.
 """
 
 from __future__ import annotations
@@ -45,7 +46,10 @@ _CHUNK = 4096  # machines whose numbers are held at a time
 _STRETCH = 32  # steps after which motions beyond the duration are looked for
 _FAR = 1e15  # [s] of the integrator's own time, which all legs of a lane share
 _MOST_STOPS = 4  # of which all sets are tried
-_LATE, _ALONE = -1, -2  # ends of a leg: without an event; nobody knows yet, it is solved alone
+_MANY = 1000  # machines for which a second compilation pays
+_LATE, _LAUNCH, _ALONE = -1, -2, -3
+"""Ends of a leg but for the opening of a stop: the duration, the launch, a state that is not finite
+or near a singular position, of a machine that is solved alone."""
 # Singular value below which a lane is near: there the other integrators try a window.
 _NEAR = 0.15
 _POSITIONS = 32  # random ones, for the largest arms
@@ -134,18 +138,15 @@ def launch_batch(
         raise InputError(f"tolerance = {tolerance!r} is not between 2.3e-16 and 0.01.")
     parts = list[BatchLaunches]()
     problem: Problem | None = None  # of the first machine
-    structure: Structure | None = None
-    lanes = int(heyoka().recommended_simd_size())
+    machines: _Machines | None = None
     for chunk in _chunks(mechanisms):
         problem = problem or Problem(chunk[0], duration)
         if problem.mechanism.marker(PROJECTILE) is None:
             raise InputError(
                 f"mechanism {chunk[0].name!r} has no marker 'projectile' that could be launched."
             )
-        machines = _Machines(chunk, problem, len(parts) * _CHUNK, structure)
-        structure = machines.structure
-        with batch_pool(structure, tolerance, lanes).lend() as integrator:
-            parts.append(_Motions(integrator, machines, duration, tolerance).run())
+        machines = _Machines(chunk, problem, len(parts) * _CHUNK, machines)
+        parts.append(_Motions(machines, duration, tolerance).run())
     if not parts:
         raise InputError("mechanisms is empty; at least one is needed.")
     columns: dict[str, Any] = {}
@@ -171,11 +172,23 @@ def _chunks(mechanisms: Iterable[Mechanism]) -> Iterator[Sequence[Mechanism]]:
         yield chunk
 
 
+@dataclass(frozen=True)
+class _System:
+    """Equations of motion of the machines: what is compiled, and the numbers of each."""
+
+    structure: Structure
+    parameters: FloatArray  # switches are 0, shape (n, n_parameters)
+
+
+_Group = tuple[IndexArray, Problem, Kinematics]
+"""Indices of machines of one kind, and these stacked."""
+
+
 class _Machines:
-    """The machines' parameters and starts as arrays, a row for each.
+    """The machines' equations and starts as arrays, a row for each.
 
     All are like the problem `example`; `first` is the index of the first of them among all, and
-    `before` the structure of those before it.
+    `before` are those before it.
     """
 
     def __init__(
@@ -183,23 +196,28 @@ class _Machines:
         mechanisms: Sequence[Mechanism],
         example: Problem,
         first: int,
-        before: Structure | None,
+        before: _Machines | None,
     ) -> None:
         self.mechanisms, self._example, self._first = mechanisms, example, first
         self.guard: _RankGuard | None = None
         self.names = tuple(stop.name for stop in example.mechanism.stops)
         self.stops = relevant_stops(example)
-        groups: list[tuple[IndexArray, Problem, Kinematics]] = []
+        groups: list[_Group] = []
         for indices, alike in stacked(mechanisms):
             if _properties(alike) != _properties(example.mechanism):
                 raise self._refusal(int(indices[0]))
             groups.append((indices, self.problem(alike), Kinematics(alike)))
-        numbers = self._take_structure(groups, before)
+        self.system = self._system(groups, before and before.system)
+        self.structure = self.system.structure
+        self.free: _System | None = None
+        """Equations without stops; none where they would not pay."""
+        if self.stops and not self.structure.n_loops and len(mechanisms) >= _MANY:
+            free: list[_Group] = []
+            for indices, problem, _ in groups:
+                alike = problem.mechanism.model_copy(update={"stops": ()})
+                free.append((indices, self.problem(alike), Kinematics(alike)))
+            self.free = self._system(free, before and before.free)
         n, n_q = len(mechanisms), self.structure.n_q
-        self.parameters = np.zeros((n, self.structure.n_parameters))
-        self.parameters[:, : self.structure.n_numbers] = numbers[
-            :, np.array(self.structure.present)
-        ]
         self.states, self._speed_scales = np.empty((n, 2 * n_q)), np.empty(n)
         self._projectiles = np.empty((n, n_q), dtype=np.complex128)
         self._at_rest = np.empty(n, dtype=bool)
@@ -226,14 +244,12 @@ class _Machines:
             "or projectile; a batch needs machines of one kind."
         )
 
-    def _take_structure(
-        self, groups: Sequence[tuple[IndexArray, Problem, Kinematics]], before: Structure | None
-    ) -> FloatArray:
-        """Numbers, shape (n, n_numbers); the structure has those that any machine has."""
+    def _system(self, groups: Sequence[_Group], before: _System | None) -> _System:
+        """Equations with all numbers that any machine has, or had in those before."""
         none = np.zeros(0, dtype=bool)
         structures = [structure_of(problem, kinematics, none) for _, problem, kinematics in groups]
         if before is not None:
-            structures.append(replace(before, present=()))
+            structures.append(replace(before.structure, present=()))
         columns = zip(*(structure.springs for structure in structures), strict=False)
         springs = tuple(any(flags) for flags in columns)
         common = replace(structures[0], springs=springs)
@@ -246,9 +262,11 @@ class _Machines:
             numbers[indices] = row
         present = np.any(numbers != 0, axis=0)
         if before is not None:
-            present |= np.array(before.present)
-        self.structure = replace(common, present=tuple(present.tolist()))
-        return numbers
+            present |= np.array(before.structure.present)
+        structure = replace(common, present=tuple(present.tolist()))
+        parameters = np.zeros((len(numbers), structure.n_parameters))
+        parameters[:, : structure.n_numbers] = numbers[:, present]
+        return _System(structure, parameters)
 
     def _begin(self) -> None:
         """Decide which of the touching stops are active at the start, and who is solved alone."""
@@ -257,9 +275,9 @@ class _Machines:
         self.closed, undecided = self.pushing(everyone, self.states, touching)
         self.alone = np.zeros(len(everyone), dtype=bool)
         if self.structure.n_loops:
-            self.parameters[:, self.structure.active] = self.closed
+            parameters = self.switched(self.system, everyone, self.closed)
             positions = self.states[:, : self.structure.n_q]
-            self.guard = _RankGuard(self.structure, self.parameters.T, positions.T)
+            self.guard = _RankGuard(self.structure, parameters.T, positions.T)
             self.alone = self.guard.near_at_start
         undecided |= ~self._at_rest
         for i in np.flatnonzero(undecided & ~self.alone).tolist():
@@ -268,6 +286,18 @@ class _Machines:
             refuse_dependent(equations, initial.q, initial.closed, "the Taylor integrator")
             self.states[i] = np.concatenate([initial.q, initial.u])
             self.closed[i] = [name in initial.closed for name in self.stops]
+
+    def switched(self, system: _System, machines: IndexArray, closed: BoolArray) -> FloatArray:
+        """Parameters of machines whose closed stops, (m, n_stops), are active; (m, n_parameters).
+
+        A launch is an event while none of the projectile's own rests holds it.
+        """
+        parameters, structure = system.parameters[machines], system.structure
+        if structure.n_stops:
+            parameters[:, structure.active] = closed
+        if structure.throws:
+            parameters[:, structure.launch] = ~np.any(closed & self.rests, axis=1)
+        return parameters
 
     def pushing(
         self, machines: IndexArray, states: FloatArray, touching: BoolArray
@@ -312,7 +342,8 @@ class _Machines:
 
     def _torques(self, machines: IndexArray, states: FloatArray, active: BoolArray) -> FloatArray:
         """Torques of the stops, (m, n_stops): of states (m, 2 n_q) and active stops."""
-        parameters = self.parameters[machines, : self.structure.active.stop].T.copy()
+        numbers = self.system.parameters[machines, : self.structure.active.stop]
+        parameters = numbers.T.copy()
         parameters[self.structure.active] = active.T
         function = torque_function(self.structure, np.float64)
         return np.asarray(function(states.T.copy(), pars=parameters)).T
@@ -341,29 +372,30 @@ def _properties(mechanism: Mechanism) -> tuple[object, ...]:
 
 @dataclass
 class _Legs:
-    """Legs of motions, a row for each: who moves, from when [s], and how."""
+    """Legs of motions, a row for each: who moves, from when [s], and held by which stops."""
 
     machines: IndexArray  # shape (m,)
     times: FloatArray  # shape (m,)
     states: FloatArray  # with the integrator's observer, shape (m, 2 n_q + 1)
-    parameters: FloatArray  # shape (m, n_parameters)
+    closed: BoolArray  # shape (m, n_stops)
 
     def of(self, rows: BoolArray) -> _Legs:
         """Some of the legs."""
-        return _Legs(
-            self.machines[rows], self.times[rows], self.states[rows], self.parameters[rows]
-        )
+        return _Legs(self.machines[rows], self.times[rows], self.states[rows], self.closed[rows])
 
 
 class _Lanes:
     """Takes legs to their next events; each lane has one of them, or none when no more wait."""
 
-    def __init__(self, integrator: Any, machines: _Machines, duration: float) -> None:
-        self._integrator, self._machines, self._duration = integrator, machines, duration
+    def __init__(
+        self, integrator: Any, machines: _Machines, system: _System, duration: float
+    ) -> None:
+        self._integrator, self._duration = integrator, duration
+        self._machines, self._system = machines, system
         # Views that stay true. The integrator's own time is that of all legs of a lane.
         self._state, self._pars = integrator.state, integrator.pars
         self._high, self._low = integrator.dtime
-        self._n_stops = len(machines.stops)
+        self._n_stops = system.structure.n_stops
         self._lanes = range(int(integrator.batch_size))
         self._settings: dict[str, Any] = {"max_steps": _STRETCH}
         if machines.guard is not None:
@@ -374,12 +406,12 @@ class _Lanes:
         self._began = [(0.0, 0.0)] * len(self._lanes)
 
     def take(self, legs: _Legs) -> IndexArray:
-        """Move legs, in place, to the next event of each: its index, or _LATE or _ALONE."""
+        """Move legs, in place, to the next event of each: a stop's index, or what else it is."""
         integrator, failed = self._integrator, heyoka().taylor_outcome.err_nf_state
         self._legs, self._events = legs, [_LATE] * len(legs.machines)
         self._waiting, self._busy = iter(range(len(legs.machines))), len(self._lanes)
-        self._idle = legs.states[0].copy(), legs.parameters[0].copy()
-        self._idle[1][self._machines.structure.n_numbers :] = 0.0
+        self._parameters = self._machines.switched(self._system, legs.machines, legs.closed)
+        self._idle = legs.states[0].copy(), self._system.parameters[legs.machines[0]]
         for event in integrator.t_events:
             event.callback.receiver = self._meet
         start = np.zeros(len(self._lanes))
@@ -417,6 +449,7 @@ class _Lanes:
             state = self._state[:, lane]
             if not self._machines.is_launch(self._legs.machines[leg], state):
                 return True
+            event = _LAUNCH
         if self._machines.guard is not None:
             self._met.append((lane, event))  # what the step has passed is looked at first
             return True
@@ -452,7 +485,7 @@ class _Lanes:
             self._park(lane)
             return
         self._state[:, lane] = self._legs.states[leg]
-        self._pars[:, lane] = self._legs.parameters[leg]
+        self._pars[:, lane] = self._parameters[leg]
         self._began[lane] = now
         self._integrator.reset_cooldowns(lane)
 
@@ -464,49 +497,50 @@ class _Lanes:
 class _Motions:
     """Motions of the machines of a chunk, from event to event."""
 
-    def __init__(
-        self, integrator: Any, machines: _Machines, duration: float, tolerance: float
-    ) -> None:
-        self.machines, self.structure = machines, machines.structure
-        self.duration, self.tolerance = duration, tolerance
-        self.lanes = _Lanes(integrator, machines, duration)
+    def __init__(self, machines: _Machines, duration: float, tolerance: float) -> None:
+        self.machines, self.duration, self.tolerance = machines, duration, tolerance
         self.failures: dict[int, str] = {}
         n = len(machines.mechanisms)
         self.releases = np.where(machines.closed, np.nan, 0.0)
         self.time = np.full(n, np.nan)
-        self.at_launch = np.full((n, 2 * self.structure.n_q), np.nan)
+        self.at_launch = np.full((n, 2 * machines.structure.n_q), np.nan)
         self.velocity = np.full((n, 2), np.nan)
 
     def run(self) -> BatchLaunches:
         """Run until every machine has launched, or to the end of the duration."""
-        machines, n_stops = self.machines, len(self.machines.stops)
+        machines = self.machines
         self._solve_alone(np.flatnonzero(machines.alone))
-        legs = self._start(np.flatnonzero(~machines.alone))
-        while len(legs.machines):
-            events = self.lanes.take(legs)
-            self._solve_alone(legs.machines[events == _ALONE])
-            events[legs.times > self.duration] = _LATE
-            self._launch(legs.of(events == n_stops))
-            released = (events >= 0) & (events < n_stops)
-            legs = self._release(legs.of(released), events[released])
+        others = np.flatnonzero(~machines.alone)
+        states = np.pad(machines.states[others], ((0, 0), (0, 1)))
+        legs = _Legs(others, np.zeros(len(others)), states, machines.closed[others])
+        if machines.free is not None:
+            legs = self._rounds(machines.system, legs, without_stops=False)
+        self._rounds(machines.free or machines.system, legs)
         releases = {name: np.full(len(self.time), np.nan) for name in machines.names}
         releases |= dict(zip(machines.stops, self.releases.T, strict=True))
         q, u = np.split(self.at_launch, 2, axis=1)
         launched = np.isfinite(self.time)
         return BatchLaunches(releases, launched, self.time, self.velocity, q, u, self.failures)
 
-    def _start(self, machines: IndexArray) -> _Legs:
-        states = np.pad(self.machines.states[machines], ((0, 0), (0, 1)))
-        parameters = self.machines.parameters[machines]
-        self._switch(parameters, self.machines.closed[machines])
-        return _Legs(machines, np.zeros(len(machines)), states, parameters)
-
-    def _switch(self, parameters: FloatArray, closed: BoolArray) -> None:
-        """Set the switches; a launch is an event while none of the projectile's rests holds it."""
-        parameters[:, self.structure.active] = closed
-        if self.structure.throws:
-            held = np.any(closed & self.machines.rests, axis=1)
-            parameters[:, self.structure.launch] = ~held
+    def _rounds(self, system: _System, legs: _Legs, without_stops: bool = True) -> _Legs:
+        """Move all legs to their ends, or those that a stop holds; the other legs."""
+        others: list[_Legs] = []
+        many = system is self.machines.free
+        with batch_pool(system.structure, self.tolerance, many).lend() as integrator:
+            lanes = _Lanes(integrator, self.machines, system, self.duration)
+            while True:
+                held = np.any(legs.closed, axis=1) | without_stops
+                others.append(legs.of(~held))
+                legs = legs.of(held)
+                if not len(legs.machines):
+                    break
+                events = lanes.take(legs)
+                self._solve_alone(legs.machines[events == _ALONE])
+                events[legs.times > self.duration] = _LATE
+                self._launch(legs.of(events == _LAUNCH))
+                legs = self._release(legs.of(events >= 0), events[events >= 0])
+        columns = zip(*(vars(part).values() for part in others), strict=True)
+        return _Legs(*(np.concatenate(column) for column in columns))
 
     def _launch(self, legs: _Legs) -> None:
         i, states = legs.machines, legs.states[:, :-1]
@@ -515,16 +549,14 @@ class _Motions:
 
     def _release(self, legs: _Legs, events: IndexArray) -> _Legs:
         """Open a stop of each leg, and those that would have to pull without it."""
-        before = legs.parameters[:, self.structure.active] > 0
-        touching = before.copy()
+        touching = legs.closed.copy()
         touching[np.arange(len(events)), events] = False
         states = legs.states[:, :-1]
         closed, undecided = self.machines.pushing(legs.machines, states, touching)
-        self._solve_alone(legs.machines[undecided])
-        opened, rows = np.nonzero((before & ~closed).T)
+        rows, opened = np.nonzero(legs.closed & ~closed)
         self.releases[legs.machines[rows], opened] = legs.times[rows]
-        self._switch(legs.parameters, closed)
-        return legs.of(~undecided)
+        self._solve_alone(legs.machines[undecided])
+        return replace(legs, closed=closed).of(~undecided)
 
     def _solve_alone(self, machines: IndexArray) -> None:
         """Solve machines that the lanes cannot take, or note why they cannot be solved."""

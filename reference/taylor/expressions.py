@@ -35,6 +35,8 @@ from .numbers import RealType, Structure, numbers_of, structure_of
 _KEPT = 32  # compiled systems; one takes about a megabyte and a second
 # Products of one evaluation: to compile more without loops takes longer than it saves.
 _UNROLLED = 90
+# Of fewer, two vectors side by side keep the processor's units busy, and their code is short.
+_SHORT = 60
 _WORTH = 0.75  # of the usual order's products: an order that saves less is not worth a change
 MOST_PRODUCTS = 3000
 """Limit of one evaluation's products, to which compilation and steps take time in proportion.
@@ -540,9 +542,13 @@ class Relay:
 
 
 @lru_cache(_KEPT)
-def batch_pool(structure: Structure, tolerance: float, lanes: int) -> _Pool:
-    """Integrators of several machines at once, in the lanes of the processor's vectors."""
+def batch_pool(structure: Structure, tolerance: float, many: bool) -> _Pool:
+    """Integrators of several machines at once, in the lanes of the processor's vectors.
+
+    For many machines it is worth while to compile longer, for two vectors of lanes.
+    """
     hy, system = heyoka(), TaylorSystem(structure)
+    lanes = int(hy.recommended_simd_size()) * (1 + (many and system.operations <= _SHORT))
     falls, events = hy.event_direction.negative, list[Any]()
     for k, function in enumerate(system.events):
         events.append(hy.t_event_batch(function, direction=falls, callback=Relay(k)))

@@ -226,11 +226,18 @@ WHIPPERS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["fixed", "rolling"])
-def test_launches_from_arrays_are_those_of_each_machine(name: str) -> None:
+def test_launches_from_arrays_are_those_of_each_machine(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the equations with stops alone, and by those without where none holds any more."""
     pytest.importorskip("heyoka")
     random, n = np.random.default_rng(7), 60
     values = {field: random.uniform(*limits, n) for field, limits in WHIPPERS.items()}
     found = tb.launches(name, values, duration=3.5)
+    monkeypatch.setattr(batch, "_MANY", n)
+    many = tb.launches(name, values, duration=3.5)
+    assert many.launched.tolist() == found.launched.tolist()
+    assert many.time == pytest.approx(found.time, abs=1e-7, nan_ok=True)
     first_opened: set[str] = set()
     for i in range(n):
         parameters = tb.TrebuchetParameters(**{field: v[i] for field, v in values.items()})
