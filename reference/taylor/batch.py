@@ -302,7 +302,7 @@ class _Machines:
     def pushing(
         self, machines: IndexArray, states: FloatArray, touching: BoolArray
     ) -> tuple[BoolArray, BoolArray]:
-        """Which of the touching stops push, as :func:`..contact.active_contacts` selects them.
+        """Select the touching stops that push, as :func:`..contact.active_contacts` does.
 
         With a set of stops active, one that is not would have to pull if it were active as well
         where its gap opens: the Delassus matrix is definite. So the torques of all sets decide.
