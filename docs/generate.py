@@ -21,6 +21,7 @@ import mjcf
 import trebucheck as tb
 import typer
 from executed import refresh_notebook, refresh_page
+from trebucheck.engines.presets import ASSISTED, PRESETS
 from trebucheck.cli.app import app
 from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge import Studies
@@ -137,7 +138,7 @@ def engines_on(entry: Benchmark) -> tuple[str, ...]:
     with Worker(timeout=600.0) as worker:
         for name, share in _STEPS.items():
             try:
-                engine = tb.engine(name, "tuned", timestep=share * scales.time)
+                engine = tb.engine(name, ASSISTED, timestep=share * scales.time)
                 moved = worker.call(simulate, engine, problem)
             except tb.TrebucheckError as error:
                 cells.append(str(error))
@@ -164,7 +165,7 @@ brings its own duration and law of the stops. `trebucheck problems --tag loop` l
 parameters. Expected values are published, or computed from a closed form or by quadrature; the
 tolerance is what the reference is held to by the tests.
 
-Engines, tuned, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth):
+Engines, assisted, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth):
 the largest error of a marker's coordinate up to the problem's end, or its predictability horizon if
 that is earlier, in parts of the mechanism's size; or why there is none. `trebucheck compare` judges
 them, names the quantities that are off, and looks for causes.
@@ -172,7 +173,7 @@ them, names the quantities that are off, and looks for causes.
 
 
 def small_table(agreement: str) -> str:
-    """The README's table: tuned engines on the paper's machines, one row an engine."""
+    """The README's table: engines on the paper's machines, a row for each engine and preset."""
     chosen = ("projectile [m]", "launch time [s]", "joint force")
     rows: dict[str, list[str]] = {}
     titles: list[str] = []
@@ -183,9 +184,9 @@ def small_table(agreement: str) -> str:
             titles += [f"{line.strip('*').split()[0].lower()}: {title}" for title in chosen]
         elif line.startswith("| engine"):
             heads = cells
-        elif cells[0].endswith(" tuned"):
+        elif cells[0].endswith(PRESETS):
             of = dict(zip(heads, cells, strict=True))
-            rows.setdefault(cells[0].split()[0], []).extend(of[title] for title in chosen)
+            rows.setdefault(cells[0], []).extend(of.get(title, "") for title in chosen)
     lines = [
         ("engine", *titles),
         ("---",) * (1 + len(titles)),
@@ -201,13 +202,13 @@ def write_agreement() -> None:
     text = markdown.with_block(page.read_text(), "agreement", agreement_table(comparison))
     page.write_text(
         markdown.with_block(
-            text, "other machines", agreement_table(tb.compare(OTHERS, presets=["tuned"]))
+            text, "other machines", agreement_table(tb.compare(OTHERS, presets=[ASSISTED]))
         )
     )
     write_picture(picture(distance_plots(comparison)), ROOT / "docs" / "pictures" / "distance.svg")
 
 
-_MOTION = ["animate", "fixed", "--engines", "pymunk", "--preset", "stock", "--width", "560"]
+_MOTION = ["animate", "fixed", "--engines", "pymunk", "--preset", "settings", "--width", "560"]
 
 
 def write_motion() -> None:
