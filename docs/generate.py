@@ -21,7 +21,6 @@ import mjcf
 import trebucheck as tb
 import typer
 from executed import refresh_notebook, refresh_page
-from trebucheck.engines.presets import ASSISTED, PRESETS
 from trebucheck.cli.app import app
 from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.converge import Studies
@@ -47,6 +46,7 @@ from trebucheck.comparisons.runs.runner import motion_of
 from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.conformance.verdicts import Conformance
+from trebucheck.engines.presets import ASSISTED, PRESETS
 from trebucheck.engines.registry import ANNOUNCED, PLUGIN_GROUP, engine_study
 from trebucheck.models.library.benchmark import Benchmark
 from trebucheck.models.library.registry import benchmarks, models
@@ -165,7 +165,7 @@ brings its own duration and law of the stops. `trebucheck problems --tag loop` l
 parameters. Expected values are published, or computed from a closed form or by quadrature; the
 tolerance is what the reference is held to by the tests.
 
-Engines, assisted, at a thousandth of the problem's characteristic time (Exudyn at a ten-thousandth):
+Engines, assisted, at a thousandth of the problem's characteristic time (Exudyn a ten-thousandth):
 the largest error of a marker's coordinate up to the problem's end, or its predictability horizon if
 that is earlier, in parts of the mechanism's size; or why there is none. `trebucheck compare` judges
 them, names the quantities that are off, and looks for causes.

@@ -9,6 +9,7 @@ from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
 from ...models.mjcf.variants import POINT_INERTIA
+from ...models.mjcf.writer import MARGIN
 from .. import study
 from ..presets import ASSISTED, DEFAULT, SETTINGS
 from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
@@ -27,20 +28,22 @@ def _causes(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, .
     tighter: dict[str, JsonValue] = {
         "solver": "Newton", "tolerance": min(1e-30, float(settings["tolerance"])),
     }  # fmt: skip
+    # Points are pressed in by an acceleration: with softer ones than the step can bear they would
+    # jump.
+    pressed = ("constraint softness",) if constraints.points else ()
     causes = (
+        Cause("margin", "a joint exactly at its limit is not held before it has penetrated",
+              Intervention({"margin": MARGIN})),
         _softness(settings, constraints),
-        # Points are pressed in by an acceleration: with softer ones than the step can bear they
-        # would jump.
         Cause("start transient", "soft limits start without the give that carries their torque",
-              Intervention({"preload": True}),
-              after=("constraint softness",) if constraints.points else ()),
+              Intervention({"preload": True}), after=("margin", *pressed)),
         Cause("solver tolerance", "where MuJoCo's constraint solver stops", Intervention(tighter)),
         Cause("limits kept",
               "stops stay in the model after they have released, and may be met again",
-              Intervention({"keep_limits": False})),
+              Intervention({"keep_limits": False}), after=("margin",)),
         Cause("event location",
               "a release is noticed at the end of its step, and the step goes over its kink",
-              Intervention({"locate_releases": True})),
+              Intervention({"locate_releases": True}), after=("margin",)),
         Cause("integrator", "the rule of a step, of first order but for RK4",
               Intervention({"integrator": "RK4"})),
         study.time_step_cause(finer),
