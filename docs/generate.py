@@ -47,7 +47,7 @@ from trebucheck.comparisons.runs.scales import scales_until
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.conformance.verdicts import Conformance
 from trebucheck.engines.presets import ASSISTED, PRESETS
-from trebucheck.engines.registry import ANNOUNCED, PLUGIN_GROUP, engine_study
+from trebucheck.engines.registry import ANNOUNCED, PLUGIN_GROUP, engine_class, engine_study
 from trebucheck.models.library.benchmark import Benchmark
 from trebucheck.models.library.registry import benchmarks, models
 from trebucheck.models.mechanism import mechanism_schema
@@ -277,6 +277,7 @@ def write_engine_pages() -> None:
     for page in folder.glob("*.md"):
         page.unlink()
     for name in names:
+        engine_class(name)  # which says why it cannot be loaded, as its study would not
         study = engine_study(name)
         text = markdown.text(engine_document(matrix, name, study, _DISPUTE), signs=True)
         (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{text}")

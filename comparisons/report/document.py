@@ -423,6 +423,7 @@ class QuantityRow:
     unit: str = ""
     part: str = ""  # of the quantity's scale
     count: str = ""  # figures that hold, of those that are judged
+    source: str = ""  # of the tolerance, where it is not every run's
 
 
 @dataclass(frozen=True)

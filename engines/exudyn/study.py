@@ -10,7 +10,15 @@ from pydantic import JsonValue
 from ...models.mechanism import Mechanism
 from .. import study
 from ..presets import ASSISTED
-from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
+from ..study import (
+    Cause,
+    Intervention,
+    MaintainersNote,
+    OptionSet,
+    Refinement,
+    SweptParameter,
+    Tolerance,
+)
 
 PYTHON = "Exudyn in Python"
 _REFINEMENT = 4
@@ -117,5 +125,18 @@ STUDY = study.EngineStudy(
                   f"1e-6 of the energy at the start; {_NEED}"),
     ),
     snippets=_snippets,
+    title="Exudyn",
+    binding="the Python wheel `exudyn`",
+    maintainers_note=MaintainersNote(
+        chosen="Its default is generalised alpha with steps that it adapts; the trapezoidal "
+        "rule has the smaller errors where constraints keep their rank, and the order "
+        "{{ best.order }}.",
+        not_possible="Stops are its unilateral elements, springs whose stiffness has no "
+        "default; the trapezoidal rule does not pass the singular positions of loops. With "
+        "assistance stops are constraints that are switched, and a run begins anew beside "
+        "such positions.",
+        would_change="An event that switches a constraint inside a step, as its own contacts "
+        "are found.",
+    ),
     colour="#009E73",
 )  # fmt: skip

@@ -12,7 +12,15 @@ from ...models.mjcf.variants import POINT_INERTIA
 from ...models.mjcf.writer import MARGIN
 from .. import study
 from ..presets import ASSISTED, DEFAULT, SETTINGS
-from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
+from ..study import (
+    Cause,
+    Intervention,
+    MaintainersNote,
+    OptionSet,
+    Refinement,
+    SweptParameter,
+    Tolerance,
+)
 from .options import effective_solref
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
@@ -232,5 +240,19 @@ STUDY = study.EngineStudy(
         Tolerance(ASSISTED, "energy_balance", 2e-4, 1e-3, 2, _ENERGY_NEED),
     ),
     snippets=_snippets,
+    title="MuJoCo",
+    binding="the Python wheel `mujoco`",
+    maintainers_note=MaintainersNote(
+        chosen="Its own defaults are what it does where nothing is set; a stiffer `solref`, "
+        "RK4 and shorter steps are what its options add, since soft limits and equalities are "
+        "most of the error: of joint forces on the fixed machine "
+        "{{ plain.error('fixed', 'reaction') }} by itself, "
+        "{{ alone.error('fixed', 'reaction') }} with its options.",
+        not_possible="A limit stays in the model when its stop has let go, has no "
+        "restitution, and begins without its force; a contact leaves out the motion of its "
+        "point ((dJ/dt) qvel). The adapter does these in its place where a row says so.",
+        would_change="A reference acceleration that counts the motion of points, and limits "
+        "that start with their force, would make most of the assistance needless.",
+    ),
     colour="#0072B2",
 )  # fmt: skip

@@ -6,7 +6,15 @@ from typing import Any
 
 from .. import study
 from ..presets import ASSISTED
-from ..study import Cause, Intervention, OptionSet, Refinement, SweptParameter, Tolerance
+from ..study import (
+    Cause,
+    Intervention,
+    MaintainersNote,
+    OptionSet,
+    Refinement,
+    SweptParameter,
+    Tolerance,
+)
 
 PYTHON = "pymunk in Python"
 _BIAS_STEP = 4e-3  # [s] shorter steps need a bias below 1e-300 for short lags, which is zero
@@ -112,5 +120,17 @@ STUDY = study.EngineStudy(
     snippets=lambda engine, _mechanism, _duration: {
         PYTHON: study.filled_template(__name__, "pymunk.py.j2", options=engine)
     },
+    title="pymunk",
+    binding="the Python wheel `pymunk`, with its own build of Chipmunk",
+    maintainers_note=MaintainersNote(
+        chosen="Iterations and the correction of errors are all that Chipmunk lets one set; "
+        "with assistance positions and impulses are read as a leapfrog, whose order is "
+        "{{ best.order }}, and by itself {{ plain.order }}.",
+        not_possible="A limit has no restitution and no force in a step that begins without "
+        "an error; a groove takes a part of the impulse across its line, so that what slides "
+        "on a body that turns gains or loses energy.",
+        would_change="Velocities that are read between steps, and grooves that take the whole "
+        "impulse across their line.",
+    ),
     colour="#D55E00",
 )  # fmt: skip

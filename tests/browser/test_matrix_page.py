@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from typing import Any
 
 import pages
@@ -15,7 +16,7 @@ CARD = ".card:popover-open"
 
 
 @pytest.fixture
-def page(open_page: Any) -> Any:
+def page(open_page: Any) -> Iterator[Any]:
     """The page with nothing chosen and nothing open."""
     shown = open_page("matrix").look(LAPTOP)
     shown.evaluate("() => { location.hash = ''; dispatchEvent(new Event('hashchange')); }")
@@ -23,7 +24,11 @@ def page(open_page: Any) -> Any:
     shown.mouse.move(5, 5)
     shown.wait_for_function("() => !document.querySelector('.card:popover-open')")
     shown.evaluate("() => scrollTo(0, 0)")
-    return shown
+    yield shown
+    # Other tests look at the same window: nothing stays open or pointed at.
+    shown.keyboard.press("Escape")
+    shown.mouse.move(0, 0)
+    shown.wait_for_function("() => !document.querySelector('.card:popover-open')")
 
 
 def _td(page: Any, engine: str, preset: str, problem: str) -> Any:

@@ -5,6 +5,7 @@ Nothing is green that was not judged.
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
 from pathlib import Path
@@ -37,10 +38,15 @@ from trebucheck.comparisons.matrix import (
 )
 from trebucheck.comparisons.report import html, markdown
 from trebucheck.comparisons.report.document import GridCell, VerdictGrid
-from trebucheck.comparisons.report.pages.matrix import STATES, counted_runs, document
+from trebucheck.comparisons.report.pages.matrix import (
+    STATES,
+    counted_runs,
+    document,
+    engine_document,
+)
 from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, SYMBOLS
 from trebucheck.comparisons.runs.results import Outcome, Results
-from trebucheck.engines.study import SCHEME_NAMES
+from trebucheck.engines.study import SCHEME_NAMES, EngineStudy, MaintainersNote
 from trebucheck.models.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -92,6 +98,10 @@ def _breach(label: str, ratio: float) -> Breach:
 
 def _matrix(*runs: MatrixRun, **fields: Any) -> Matrix:
     return Matrix.made_here(problems=fields.pop("problems", (_problem(),)), runs=runs, **fields)
+
+
+def _line(text: str, start: str) -> str:
+    return next(line for line in text.splitlines() if line.startswith(f"| {start} |"))
 
 
 def _grid(matrix: Matrix) -> VerdictGrid:
@@ -235,7 +245,7 @@ def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None
     rows = {row.engine: row for row in _grid(_matrix(*runs, orders=(order, soft))).rows}
     assert [rows[name].leading[0] for name in "abce"] == ["3.98", "4", "–", "–"]
     told = {name: dict(row.card.facts)["order"] for name, row in rows.items()}
-    assert "measured" in told["a"] and "0.030" in told["a"] and "declared" in told["b"]
+    assert "measured" in told["a"] and "0.03" in told["a"] and "declared" in told["b"]
     assert "3.0e-4 m" in told["e"] and "stops" in told["e"]
 
 
@@ -497,3 +507,61 @@ def test_a_file_that_is_not_there_is_said_to_be_unreadable_and_not_to_be_of_anot
 )
 def test_the_results_of_the_page_name_no_place_on_a_machine(path: Path) -> None:
     assert not re.search(r"/(?:tmp|home|root|work|Users|var)/", path.read_text())
+
+
+# The pages of engines
+
+NOTES = {
+    path: next(
+        {key.arg: ast.literal_eval(key.value) for key in node.keywords if key.arg}
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "MaintainersNote"
+    )
+    for path in (
+        *sorted((ROOT / "plugins").glob("*/trebucheck_*/study.py")),
+        *(ROOT / "engines" / name / "study.py" for name in ("mujoco", "pymunk", "exudyn")),
+    )
+}
+
+
+@pytest.mark.parametrize("path", NOTES, ids=lambda path: path.parent.name)
+def test_a_maintainers_note_has_no_number_of_its_own_and_is_filled_from_results(path: Path) -> None:
+    name = path.parent.name.removeprefix("trebucheck_")
+    note = MaintainersNote(**NOTES[path])
+    for text in vars(note).values():
+        outside = re.sub(r"{{.*?}}", "", text)
+        assert not re.search(r"(?<![A-Za-z])\d", outside)  # RK4 and Box2D are names
+    runs = tuple(
+        _run(name, 1e-9, problem=problem, preset=preset)
+        for problem in ("free-swing", "fixed")
+        for preset in ("default", "assisted")
+    )
+    problems = (_problem("free-swing"), _problem("fixed", stops=True))
+    file = _matrix(*runs, problems=problems)
+    text = markdown.text(engine_document(file, name, EngineStudy(maintainers_note=note), ""))
+    assert "{" not in text and "2 of 2" in text
+
+
+def test_the_page_of_an_engine_has_its_runs_alone_and_its_own_settings() -> None:
+    runs = (
+        _run("a", 1e-9, preset="default", settings={"step": 1e-3, "rule": "Euler"}),
+        _run("a", 1e-9, preset="default", problem="stop", settings={"step": 2e-3, "rule": "Euler"}),
+        _run("a", outcome=Outcome.UNSUPPORTED, message=_REFUSAL),
+        _run("b", 1e-9, engine_version="b9", settings={"secret": 1}),
+    )
+    file = _matrix(*runs, problems=(_problem(), _problem("stop", stops=True)))
+    study = EngineStudy(title="A!", binding="the wheel `a`")
+    text = markdown.text(engine_document(file, "a", study, "Open an issue."))
+    assert text.startswith("# A!") and "the wheel `a`" in text and "Open an issue." in text
+    assert _line(text, "`step`") == "| `step` | 0.001 to 0.002 |  |"
+    assert _line(text, "`rule`") == "| `rule` | Euler |  |"
+    assert _REFUSAL in text and "b9" not in text and "secret" not in text
+    with pytest.raises(InputError, match="'c'"):
+        engine_document(file, "c", study, "")
+
+
+def test_every_engine_of_the_kept_results_has_a_page_in_the_site_s_contents() -> None:
+    engines = {run.engine for run in matrix(sorted(ROOT.glob("*/results/*.json"))).runs}
+    assert {path.stem for path in (ROOT / "docs" / "engines").glob("*.md")} == engines
+    contents = (ROOT / "mkdocs.yml").read_text()
+    assert not [name for name in engines if f": engines/{name}.md\n" not in contents]

@@ -7,7 +7,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   const heads = [...table.querySelectorAll(".names th[data-column]")];
   const groups = [...table.querySelectorAll(".groups th")];
   // Quantities of a card come as lists.
-  const NAMES = ["quantity", "subject", "error", "ratio", "holds", "tolerance", "unit", "part", "count"];
+  const NAMES = ["quantity", "subject", "error", "ratio", "holds", "tolerance", "unit", "part", "count", "source"];
   const named = (values) => Object.fromEntries(NAMES.map((name, k) => [name, values[k]]));
   for (const row of data.rows) for (const cell of row.cells) if (cell) cell.quantities = cell.quantities.map(named);
   const rows = [...body.querySelectorAll("tr[data-row]")].map((tr, i) => ({
@@ -246,19 +246,20 @@ for (const section of document.querySelectorAll("section.verdicts")) {
       const head = element("tr", {}, ...titles.map((title) => element(title ? "th" : "td", {textContent: title, scope: "col"})));
       const lines = content.quantities.map((each) => {
         const tr = element("tr", {className: held(each, "holds", "breaks", "open")});
-        const unit = text(each.unit) && text(each.tolerance) ? ` ${text(each.unit)}` : "";
+        const unit = text(each.unit) && each.holds !== null ? ` ${text(each.unit)}` : "";
         const name = element("td", {}, text(each.quantity), ...(text(each.subject) ? [element("span", {textContent: ` ${text(each.subject)}`})] : []));
-        const numbers = [text(each.error) + unit, text(each.tolerance) + unit, text(each.ratio), text(each.count)].slice(0, titles.length - 2);
+        const source = text(each.source) && ` (${text(each.source)})`;
+        const numbers = [text(each.error) + unit, text(each.tolerance) + unit + source, text(each.ratio), text(each.count)].slice(0, titles.length - 2);
         tr.append(element("td", {textContent: held(each, "✓", "✗", "○")}), name, ...numbers.map((cell) => element("td", {className: "number", textContent: cell})));
         return tr;
       });
       parts.push(element("table", {}, element("thead", {}, head), element("tbody", {}, ...lines)));
     }
     parts.push(element("dl", {}, ...content.facts.flatMap(([name, fact]) => [element("dt", {textContent: text(name)}), element("dd", {textContent: text(fact)})])));
-    const actions = element("div", {className: "actions"});
+    const actions = element("div", {className: "actions"}), foot = element("div", {className: "foot"});
     if (text(content.command)) {
       const command = element("pre", {textContent: text(content.command)});
-      parts.push(command);
+      foot.append(command);
       actions.append(element("button", {type: "button", className: "copy", textContent: "copy command", onclick: async ({currentTarget}) => {
         getSelection().selectAllChildren(command);
         try {
@@ -269,7 +270,8 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     }
     if (text(content.link)) actions.append(element("a", {href: text(content.link), textContent: "its page"}));
     if (content.problem) actions.append(element("button", {type: "button", className: "copy", textContent: "sort engines by their error on it", onclick: () => { const {problem} = content; close(); set({sort: `problem:${problem}`}); }}));
-    if (actions.children.length) parts.push(actions);
+    if (actions.children.length) foot.append(actions);
+    if (foot.children.length) parts.push(foot);
     card.replaceChildren(...parts);
     card.setAttribute("aria-label", text(content.title));
   }

@@ -11,6 +11,7 @@ from functools import cached_property
 from jinja2 import Environment, StrictUndefined
 from pydantic import JsonValue
 
+from ....engines.presets import ASSISTED, MEANINGS
 from ....engines.study import EngineStudy
 from ....engines.supplied import Own, parts
 from ....models.errors import InputError
@@ -22,6 +23,7 @@ from ...matrix import (
     MatrixProblem,
     MatrixRun,
     command_of,
+    preset_rank,
     sentence,
     spreads,
 )
@@ -34,6 +36,7 @@ from ..document import (
     GridRow,
     format_number,
     format_settings,
+    format_step,
     format_value,
 )
 
@@ -51,7 +54,9 @@ STATES: Mapping[Outcome, doc.VerdictSign] = {
 }
 """Verdicts with their signs."""
 _NOT_RUN = "·"
+_NO_ORDER = "–"
 _NOT_KEPT = "not kept in this file"
+_ABSENT = "(not among these results)"
 _UNSTATED = "not stated"
 _SCHEME_UNSTATED = "scheme not stated"
 _SHARES: Mapping[str, str] = {
@@ -123,7 +128,7 @@ def summary(matrix: Matrix, links: Mapping[str, str]) -> doc.Document:
     blocks: list[doc.Block] = [
         doc.Text(counts_line(matrix, counted_runs(matrix))),
         doc.Listing(tuple(_counts_by_preset(matrix))),
-        doc.Note(_READING),
+        doc.Note(f"{_meanings(matrix)}{_READING}"),
         *grid.compact(),
     ]
     apart: dict[str, str] = {}
@@ -215,7 +220,7 @@ class _Grid:
             columns=tuple(map(_column, self.matrix.problems)),
             leading=("order", "agrees"),  # the script counts the last one's shown columns
             shares=tuple(_SHARES),
-            legend=f"{_READING} {_OWN}",
+            legend=f"{_meanings(self.matrix)}{_READING} {_OWN}",
             apart=_APART,
             compact=tuple(self.compact()),
         )
@@ -232,6 +237,7 @@ class _Grid:
         first = made[0]
         facts = (
             ("scheme", scheme),
+            *((("preset", MEANINGS[first.preset]),) if first.preset in MEANINGS else ()),
             ("order", f"{order}, {basis}"),
             ("agrees", f"on {agreeing.replace('/', ' of ')} problems"),
             ("trebucheck supplies", _supplied(made)),
@@ -285,6 +291,12 @@ def _symbol(run: MatrixRun) -> str:
     if run.outcome is not Outcome.DISAGREES or run.worst is None:
         return ""
     return run.worst.kind.symbol
+
+
+def _meanings(matrix: Matrix) -> str:
+    """Meanings of the presets, in sentences."""
+    known = [preset for preset in matrix.presets if preset in MEANINGS]
+    return "".join(f"{preset.capitalize()}: {MEANINGS[preset]}. " for preset in known)
 
 
 def _column(problem: MatrixProblem) -> GridColumn:
@@ -489,6 +501,8 @@ def _quantity(error: Error) -> doc.QuantityRow:
         ratio = format_number(error.ratio)
     if error.tolerance is not None:
         tolerance = format_number(error.tolerance)
+    elif error.value is not None and error.note:
+        tolerance = f"not judged: {error.note}"
     if error.part is not None and error.observed:
         part = format_number(error.part)
     if error.judged:
@@ -503,9 +517,11 @@ def _quantity(error: Error) -> doc.QuantityRow:
         holds=error.holds,
         part=part,
         count=count,
+        source=_SOURCES.get(error.source or "", ""),
     )
 
 
+_SOURCES: Mapping[str, str] = {"need": "need", "claim": "claim"}  # the default is every run's
 _HEAT = 4.0  # powers of ten beyond a tolerance from which cells are alike
 
 
@@ -523,15 +539,17 @@ def _order(matrix: Matrix, label: str) -> tuple[str, str]:
     orders.sort(key=lambda order: order.exponent is None)
     if not orders:
         declared = next(iter(matrix.of(label))).order
-        return "–" if declared is None else f"{declared:g}", "declared, not measured"
+        return _NO_ORDER if declared is None else f"{declared:g}", "declared, not measured"
     order = orders[0]
     if order.exponent is not None:
         width = order.half_width or 0.0
-        return f"{order.exponent:.2f}", f"measured on {order.problem}, ± {width:.3f}"
+        return f"{order.exponent:.2f}", f"measured on {order.problem}, ± {width:.1g}"
     if order.floor is None:
-        return "–", f"no power of the step was found on {order.problem}"
+        return _NO_ORDER, f"no power of the step was found on {order.problem}"
     floor = f"floor of {format_number(order.floor)} m on {order.problem}"
-    return "–", f"{floor}, set by {order.floor_cause}" if order.floor_cause else floor
+    if order.floor_cause:
+        floor += f", set by {order.floor_cause}"
+    return _NO_ORDER, floor
 
 
 # --- Dynamics, refusals, causes, versions
@@ -687,7 +705,10 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
 
 @dataclass(frozen=True)
 class _Side:
-    """Runs of an engine with a preset; in a note's template `plain`, `best`, `presets[...]`."""
+    """Runs of an engine with a preset, whose members a note's template reads.
+
+    There `plain` is the first preset, `best` the last, `alone` the last without assistance.
+    """
 
     matrix: Matrix
     engine: str
@@ -708,7 +729,7 @@ class _Side:
     def order(self) -> str:
         """Order of its error in the step, and where it comes from."""
         order, basis = _order(self.matrix, f"{self.engine} {self.preset}")
-        return f"{order} ({basis})"
+        return basis if order == _NO_ORDER else f"{order} ({basis})"
 
     @property
     def own(self) -> doc.Text:
@@ -719,26 +740,29 @@ class _Side:
     def error(self, problem: str, quantity: str) -> str:
         """Error on a problem in a quantity, with its unit."""
         found = self._found(problem, quantity)
-        return f"{format_number(found.value)} {found.unit}" if found.kept else _NOT_KEPT
+        return _ABSENT if found is None else f"{format_number(found.value)} {found.unit}"
 
     def ratio(self, problem: str, quantity: str) -> str:
         """That error over its tolerance."""
         found = self._found(problem, quantity)
-        return format_number(found.ratio) if found.kept else _NOT_KEPT
+        return _ABSENT if found is None else _size(found.ratio)
 
     def step(self, problem: str) -> str:
         """Time step on a problem."""
-        return f"{format_number(self.runs[problem].timestep)} s"
+        run = self.runs.get(problem)
+        return _ABSENT if run is None else f"{format_step(run.timestep)} s"
 
     def setting(self, option: str) -> str:
         """Value of an option, the same on all problems or from the least to the largest."""
-        return dict(_options(self)).get(option, _NOT_KEPT)
+        return dict(_options(self)).get(option, _ABSENT)
 
-    def _found(self, problem: str, quantity: str) -> Error:
-        for error in self.runs[problem].errors:
-            if _title(error.metric) == quantity:
-                return error
-        raise InputError(f"{self.engine} {self.preset} has no {quantity} on {problem!r}.")
+    def _found(self, problem: str, quantity: str) -> Error | None:
+        run = self.runs.get(problem)
+        if run is not None:
+            for error in run.errors:
+                if _title(error.metric) == quantity and error.kept:
+                    return error
+        return None
 
 
 def _short(side: _Side) -> tuple[object, ...]:
@@ -758,12 +782,9 @@ def _note(study: EngineStudy, sides: list[_Side], version: str) -> Iterator[doc.
     if note is None:
         yield doc.Text("No note is written yet.")
         return
-    values = {
-        "plain": sides[0],
-        "best": sides[-1],
-        "presets": {side.preset: side for side in sides},
-        "version": version,
-    }
+    unaided = [side for side in sides if preset_rank(side.preset) < preset_rank(ASSISTED)]
+    alone = (unaided or sides)[-1]
+    values = {"plain": sides[0], "best": sides[-1], "alone": alone, "version": version}
     environment = Environment(undefined=StrictUndefined, autoescape=False)  # it is no HTML
     for lead, template in (
         ("What was set, and why:", note.chosen),

@@ -12,6 +12,7 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
+    MaintainersNote,
     time_step_cause,
 )
 from trebucheck_toolkit.scheme_tables import (
@@ -38,5 +39,16 @@ STUDY = EngineStudy(
     step_orders={"tuned": RK4_LOCATED, "stock": EULER_STEPS},
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(*located_tolerances(), *EULER_TOLERANCES),
+    title="DART",
+    binding="the Python wheel `dartpy`",
+    maintainers_note=MaintainersNote(
+        chosen="Its own steps have no option but their length: semi-implicit Euler in joint "
+        "coordinates, order {{ plain.order }}.",
+        not_possible="Limits are on joints alone, and forces of constraints that close loops "
+        "are not told; our adapter builds no loops, no stops on points and no restitution "
+        "from DART's own elements.",
+        would_change="A step of higher order: the same mass matrix and forces are right to "
+        "rounding, as the model check shows.",
+    ),
     colour="#c71585",
 )

@@ -12,6 +12,7 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
+    MaintainersNote,
     time_step_cause,
 )
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, error_controlled, located_tolerances
@@ -42,6 +43,18 @@ STUDY = EngineStudy(
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=located_tolerances(
         5, "error-controlled Runge-Kutta of order 5, at most 1 ms a step, an accuracy of 1e-10"
+    ),
+    title="Drake",
+    binding="the Python wheel `drake`",
+    maintainers_note=MaintainersNote(
+        chosen="A plant with time steps is what the documentation leads to, of order "
+        "{{ plain.order }}; a continuous plant is moved by an error-controlled Runge-Kutta "
+        "rule to an accuracy that is set.",
+        not_possible="A continuous plant has no joint limits and no constraints, and a "
+        "discrete one tells no forces of constraints that close loops; multipliers of "
+        "trebucheck stand in their place where a row says so.",
+        would_change="Limits and constraints in continuous plants; forces of constraints in "
+        "discrete ones.",
     ),
     colour="#1f4e9e",
 )

@@ -12,6 +12,7 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
+    MaintainersNote,
     StepOrder,
     time_step_cause,
 )
@@ -40,5 +41,18 @@ STUDY = EngineStudy(
     },
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=located_tolerances(),
+    title="MJX",
+    binding="the Python wheel `mujoco-mjx`",
+    maintainers_note=MaintainersNote(
+        chosen="Double precision and RK4: of single precision the free swing keeps "
+        "{{ plain.error('free-swing', 'position') }}, and "
+        "{{ best.error('free-swing', 'position') }} with that.",
+        not_possible="Our adapter builds no loops, no stops on points and no force elements "
+        "from MJX's own, though MJX has equalities, contacts and tendons; energies and "
+        "torques of limits, which MJX does not tell, are computed from its mass matrix and "
+        "its constraint forces.",
+        would_change="An adapter that writes loops as equalities and stops on points as "
+        "contacts, as that of MuJoCo does.",
+    ),
     colour="#6a3d9a",
 )

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from trebucheck.engines.study import STOCK_SET, TUNED_SET, EngineStudy, StepOrder, Tolerance
+from trebucheck.engines.study import (
+    STOCK_SET,
+    TUNED_SET,
+    EngineStudy,
+    MaintainersNote,
+    StepOrder,
+    Tolerance,
+)
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, EULER_TOLERANCES
 
 STUDY = EngineStudy(
@@ -26,6 +33,16 @@ STUDY = EngineStudy(
             "at a step's end, of limits that have settled in 0.1 s",
         ),
         *EULER_TOLERANCES,
+    ),
+    title="Newton",
+    binding="the Python wheel `newton`, on the processor",
+    maintainers_note=MaintainersNote(
+        chosen="`SolverMuJoCo` by RK4 in the place of `SolverFeatherstone`: "
+        "{{ plain.agrees }} problems agree with the one, {{ best.agrees }} with the other.",
+        not_possible="A state has single precision between steps with either solver; "
+        "`SolverFeatherstone` tells no torques of its limits, and its joint forces are wrong "
+        "at any step. Our adapter builds no loops and no stops on points.",
+        would_change="A state in double precision, and limits that begin with their force.",
     ),
     colour="#76b900",
 )

@@ -12,6 +12,7 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
+    MaintainersNote,
     time_step_cause,
 )
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, RK4_LOCATED, located_tolerances
@@ -38,5 +39,14 @@ STUDY = EngineStudy(
     step_orders={"tuned": RK4_LOCATED, "stock": EULER_STEPS},
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=located_tolerances(),
+    title="Pinocchio",
+    binding="the Python wheel `pin`",
+    maintainers_note=MaintainersNote(
+        chosen="There is nothing to set: Pinocchio computes the dynamics of trees and has no "
+        "time steps; those of the runs are trebucheck's.",
+        not_possible="Stops, events and steps are no part of it, so that a run speaks for its "
+        "mass matrix, forces and energies alone.",
+        would_change="A check of its dynamics by themselves, and not of a motion.",
+    ),
     colour="#0b6e4f",
 )

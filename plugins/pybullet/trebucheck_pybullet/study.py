@@ -12,6 +12,7 @@ from trebucheck.engines.study import (
     ConstraintKinds,
     EngineStudy,
     Intervention,
+    MaintainersNote,
     time_step_cause,
 )
 from trebucheck_toolkit.scheme_tables import (
@@ -43,5 +44,16 @@ STUDY = EngineStudy(
     step_orders={"tuned": RK4_LOCATED, "stock": EULER_STEPS},
     option_sets=(STOCK_SET, TUNED_SET),
     tolerances=(*located_tolerances(), *EULER_TOLERANCES),
+    title="PyBullet",
+    binding="the Python wheel `pybullet`",
+    maintainers_note=MaintainersNote(
+        chosen="Its own steps are semi-implicit Euler, of order {{ plain.order }}; the "
+        "threshold and the iterations of the limits' solver decide whether a stop holds.",
+        not_possible="Forces of joint sensors are right at rest and wrong in motion, and "
+        "count the torque of a limit twice; our adapter builds no loops and no restitution "
+        "from Bullet's own elements.",
+        would_change="A solver of limits that ends at its residual, and joint sensors that "
+        "count what the bodies' motion needs.",
+    ),
     colour="#a0522d",
 )
