@@ -29,6 +29,9 @@ def page(open_page: Any) -> Iterator[Any]:
     shown.keyboard.press("Escape")
     shown.mouse.move(0, 0)
     shown.wait_for_function("() => !document.querySelector('.card:popover-open')")
+    shown.evaluate(
+        "() => { scrollTo(0, 0); document.querySelector('.verdicts-scroll').scrollTo(0, 0); }"
+    )
 
 
 def _td(page: Any, engine: str, preset: str, problem: str) -> Any:
