@@ -15,6 +15,7 @@ import cmath
 import importlib
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,12 @@ _WELL_HELD = 1e-3  # of the largest singular value: the least one of the conditi
 _FOLLOWS = 1e-9  # of a row: what others leave of it
 
 
+def kind_of(item: Any) -> str:
+    """The kind of an item, with which its class' name begins; a system has `Add` + kind for it."""
+    kinds = ("Node", "Object", "Marker", "Load", "Sensor")
+    return next(kind for kind in kinds if type(item).__name__.startswith(kind))
+
+
 @contextmanager
 def silence() -> Generator[None]:
     """Keep Exudyn from writing to the console, as it does when a step fails."""
@@ -81,12 +88,7 @@ def build(
     refuse_moving_gaps(mechanism, "exudyn")
     springs = springs or {}
     for stop in mechanism.point_stops:
-        if stop.body == stop.relative_to:
-            wall = f"{stop.body!r}, on which its wall stands as well"
-            body = "the ground" if stop.body == GROUND else wall
-            raise UnsupportedProblemError(
-                f"exudyn cannot build {stop.name!r}: a stop on a point of {body}."
-            )
+        refuse_own_wall(stop)
         if stop.name in springs and stop.relative_to != GROUND:
             # Exudyn's linear spring pushes its first marker, not the point of contact: the torque
             # would be wrong.
@@ -96,28 +98,23 @@ def build(
                 f"{stop.relative_to!r}; leave stop_stiffness out."
             )
 
-    container = exu.SystemContainer()
-    left_out = implied_angles(mechanism)
-    start, _ = initial_state(mechanism)
-    rows = _loop_rows(Kinematics(mechanism), start, left_out)
-    redundant = len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
-    main = container.AddSystem()
-    system = System(
-        mechanism, container, main, springs=springs, left_out=left_out, redundant=redundant
-    )
-    builder = _Builder(system)
-    builder.add_bodies()
-    for element in (*mechanism.joints, *mechanism.force_elements):
-        BUILDERS[element](builder, element)
+    builder = Builder(mechanism, springs)
     for stop in mechanism.stops:
         add_stop = BUILDERS[stop]
         acts = stop.name in springs if springs else stop.closed or law is StopLaw.UNILATERAL
         if acts:
             add_stop(builder, stop)
-    for marker in mechanism.markers:
-        builder.observe_point("marker", marker)
-    main.Assemble()
-    return system
+    return builder.finished()
+
+
+def refuse_own_wall(stop: elements.PointStop) -> None:
+    """Raise UnsupportedProblemError for a stop on a point of the body that its wall stands on."""
+    if stop.body == stop.relative_to:
+        wall = f"{stop.body!r}, on which its wall stands as well"
+        body = "the ground" if stop.body == GROUND else wall
+        raise UnsupportedProblemError(
+            f"exudyn cannot build {stop.name!r}: a stop on a point of {body}."
+        )
 
 
 def implied_angles(mechanism: Mechanism) -> frozenset[str]:
@@ -185,44 +182,96 @@ def _holds_without(
     return bool(held.min(initial=np.inf) > _WELL_HELD * values[0]) and _holds(rows, motion)
 
 
-class _Builder:
-    """Adds bodies, joints, force elements, stops and sensors to a system."""
+@dataclass(frozen=True)
+class _CubicTorque:
+    """Torque of a cubic spring as a user function, which its repr is the Python text of."""
 
-    def __init__(self, system: System) -> None:
-        self.system, self.main, self.mechanism = system, system.main, system.mechanism
+    cubic_stiffness: float
 
-    def add_bodies(self) -> None:
+    def __call__(self, *state: Any) -> float:
+        # An odd function: of anticlockwise angles as of clockwise ones.
+        _main, _time, _item, displacement, _velocity, stiffness, _damping, offset = state
+        stretch = displacement - offset
+        return stretch * (stiffness + self.cubic_stiffness * stretch * stretch)
+
+    def __repr__(self) -> str:
+        return (
+            "lambda mbs, t, item, q, v, k, d, rest: "
+            f"(q - rest) * (k + {self.cubic_stiffness!r} * (q - rest) * (q - rest))"
+        )
+
+
+class Builder:
+    """Builds a system: bodies, joints and force elements at once, then stops and sensors.
+
+    Args:
+        mechanism: what to build.
+        springs: of the stops that act, if they are springs.
+    """
+
+    def __init__(self, mechanism: Mechanism, springs: Mapping[str, Spring] | None = None) -> None:
+        container, left_out = exu.SystemContainer(), implied_angles(mechanism)
+        start, _ = initial_state(mechanism)
+        rows = _loop_rows(Kinematics(mechanism), start, left_out)
+        redundant = len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
+        self.mechanism, self.main = mechanism, container.AddSystem()
+        self.system = System(
+            mechanism,
+            container,
+            self.main,
+            springs=springs or {},
+            left_out=left_out,
+            redundant=redundant,
+        )
+        self._add_bodies()
+        for element in (*mechanism.joints, *mechanism.force_elements):
+            BUILDERS[element](self, element)
+
+    def add(self, item: Any) -> int:
+        """Add an item of any kind; its number among those of its kind."""
+        self.system.items.append(item)
+        return int(getattr(self.main, f"Add{kind_of(item)}")(item))
+
+    def finished(self) -> System:
+        """Observe the markers, and assemble the system at its start."""
+        for marker in self.mechanism.markers:
+            self.observe_point("marker", marker)
+        self.main.Assemble()
+        return self.system
+
+    def _add_bodies(self) -> None:
         """Add the bodies with their weight, and the ground."""
         kinematics, (q, u) = Kinematics(self.mechanism), initial_state(self.mechanism)
         weight = [*self.mechanism.gravity_vector, 0.0]
         for body in self.mechanism.bodies:
             row, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
             position, velocity = kinematics.position(row, q), kinematics.velocity(row, q, u)
-            node = self.main.AddNode(
+            node = self.add(
                 items.NodeRigidBody2D(
+                    name=body.name,
                     referenceCoordinates=[*position.tolist(), -float(angle.value(q))],
                     initialVelocities=[*velocity.tolist(), -float(angle.coefficients @ u)],
                 )
             )
-            number = self.main.AddObject(
-                items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node)
-            )
-            on = self.main.AddMarker(items.MarkerBodyMass(bodyNumber=number))
-            self.main.AddLoad(items.LoadMassProportional(markerNumber=on, loadVector=weight))
-            self.system.nodes[body.name], self.system.bodies[body.name] = int(node), int(number)
+            item = items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node)
+            number = self.add(item)
+            on = self.add(items.MarkerBodyMass(bodyNumber=number))
+            self.add(items.LoadMassProportional(markerNumber=on, loadVector=weight))
+            self.system.nodes[body.name], self.system.bodies[body.name] = node, number
             for quantity in ("CoordinatesTotal", "Coordinates", "Coordinates_t"):
-                self._observe(items.SensorNode, ("body", body.name, quantity), nodeNumber=node)
+                self.observe(items.SensorNode, ("body", body.name, quantity), nodeNumber=node)
             key = ("body", body.name, "KineticEnergy")
-            self._observe(items.SensorBody, key, bodyNumber=number)
-        self.system.bodies[GROUND] = int(self.main.AddObject(items.ObjectGround()))
-        self.system.nodes[GROUND] = int(self.main.AddNode(items.NodePointGround()))
+            self.observe(items.SensorBody, key, bodyNumber=number)
+        self.system.bodies[GROUND] = self.add(items.ObjectGround())
+        self.system.nodes[GROUND] = self.add(items.NodePointGround())
 
     # Sensors.
 
-    def _observe(self, sensor: Any, key: SensorKey, **where: Any) -> None:
+    def observe(self, sensor: Any, key: SensorKey, **where: Any) -> None:
+        """Add a sensor of the quantity that is the key's third part."""
         variable = getattr(exu.OutputVariableType, key[2])
         stored = sensor(outputVariableType=variable, storeInternal=True, writeToFile=False, **where)
-        self.system.sensors[key] = int(self.main.AddSensor(stored))
+        self.system.sensors[key] = self.add(stored)
 
     def observe_point(self, kind: str, marker: Marker, *more: str) -> None:
         """Add sensors of a body's point: position, velocity, and more quantities."""
@@ -230,64 +279,68 @@ class _Builder:
         local = self.system.local(marker.body, marker.point)
         for quantity in ("Position", "Velocity", *more):
             key = (kind, marker.name, quantity)
-            self._observe(items.SensorBody, key, bodyNumber=number, localPosition=local)
+            self.observe(items.SensorBody, key, bodyNumber=number, localPosition=local)
 
-    def _observe_relative(self, relative: RelativePoint, *more: str) -> None:
+    def observe_relative(self, relative: RelativePoint, *more: str) -> None:
+        """Add sensors of both ends of a relative point, but for those on the ground."""
         for kind, point in relative.ends:
             if point.body != GROUND:
                 self.observe_point(kind, point, *more)
 
-    def _connect(self, item: Any, kind: str, name: str, *quantities: str) -> int:
+    def connect(self, item: Any, kind: str, name: str, *quantities: str) -> int:
         """Add a connector and sensors of it; the connector's number."""
-        number = int(self.main.AddObject(item))
+        item.name = f"{kind} {name}"
+        number = self.add(item)
         for quantity in quantities:
-            self._observe(items.SensorObject, (kind, name, quantity), objectNumber=number)
+            self.observe(items.SensorObject, (kind, name, quantity), objectNumber=number)
         return number
 
     # Exudyn's markers.
 
-    def _frame(self, body: str, point: Vector) -> int:
+    def frame(self, body: str, point: Vector) -> int:
+        """Add a marker of a body's frame at a point; its number."""
         number, local = self.system.bodies[body], self.system.local(body, point)
         marker = items.MarkerBodyRigid(bodyNumber=number, localPosition=local)
-        return int(self.main.AddMarker(marker))
+        return self.add(marker)
 
     def _frames(self, joint: AnyJoint) -> list[int]:
-        child = self._frame(joint.child, joint.child_point)
-        return [child, self._frame(joint.parent, joint.parent_point)]
+        child = self.frame(joint.child, joint.child_point)
+        return [child, self.frame(joint.parent, joint.parent_point)]
 
-    def _rotations(self, *bodies: str) -> list[int]:
+    def rotations(self, *bodies: str) -> list[int]:
+        """Add markers of the rotations of bodies; their numbers."""
         markers: list[int] = []
         for body in bodies:
             coordinate, node = 0 if body == GROUND else 2, self.system.nodes[body]
             marker = items.MarkerNodeCoordinate(nodeNumber=node, coordinate=coordinate)
-            markers.append(int(self.main.AddMarker(marker)))
+            markers.append(self.add(marker))
         return markers
 
     # Joints.
 
     def add_free(self, joint: elements.FreeJoint) -> None:
         """Add the sensors of a joint that holds nothing."""
-        self._observe_relative(on_joint(joint))
+        self.observe_relative(on_joint(joint))
 
     def add_pin(self, joint: elements.PinJoint | elements.WeldJoint) -> None:
         """Add a revolute joint."""
         item = items.ObjectJointRevolute2D(markerNumbers=self._frames(joint))
-        self._connect(item, "joint", joint.name, "Force", "Displacement")
+        self.connect(item, "joint", joint.name, "Force", "Displacement")
 
     def add_weld(self, joint: elements.WeldJoint) -> None:
         """Add a revolute joint and a constraint that holds the angle it has at the start."""
         self.add_pin(joint)
         if joint.name not in self.system.left_out:
-            rotations = self._rotations(joint.parent, joint.child)
-            self.main.AddObject(items.ObjectConnectorCoordinate(markerNumbers=rotations))
+            rotations = self.rotations(joint.parent, joint.child)
+            self.add(items.ObjectConnectorCoordinate(markerNumbers=rotations))
 
     def add_slot(self, joint: elements.SlotJoint | elements.PrismaticJoint) -> None:
         """Add a prismatic joint, which leaves the rotation free unless the joint holds it."""
-        self._observe_relative(on_joint(joint))
+        self.observe_relative(on_joint(joint))
         (normal,) = map(complex, joint.held_directions)
         angle = None if joint.name in self.system.left_out else joint.turned_by
         item = self._line(self._frames(joint), (normal.real, normal.imag), angle)
-        self._connect(item, "joint", joint.name, "ForceLocal")
+        self.connect(item, "joint", joint.name, "ForceLocal")
 
     def _line(self, markers: list[int], normal: Vector, angle: float | None = None) -> Any:
         """A point (marker 0) on a line of the ground or a body (marker 1), by its normal.
@@ -314,25 +367,25 @@ class _Builder:
     def add_force(self, element: elements.ConstantForce) -> None:
         """Add the load of a constant force, whose direction does not turn with the body."""
         load = items.LoadForceVector(
-            markerNumber=self._frame(element.body, element.point),
+            markerNumber=self.frame(element.body, element.point),
             loadVector=[*element.force, 0.0],
             bodyFixed=False,
         )
-        self.main.AddLoad(load)
+        self.add(load)
 
     def add_torque(self, element: elements.ConstantTorque) -> None:
         """Add the loads of a constant torque on its two bodies; Exudyn's are anticlockwise."""
         for body, sense in zip(element.bodies, (1, -1), strict=True):
             load = items.LoadTorqueVector(
-                markerNumber=self._frame(body, (0.0, 0.0)),
+                markerNumber=self.frame(body, (0.0, 0.0)),
                 loadVector=[0.0, 0.0, -sense * element.torque],
             )
-            self.main.AddLoad(load)
+            self.add(load)
 
     def add_point_spring(self, spring: elements.SpringDamper) -> None:
         """Add a spring between points; without rest length and damping they may meet."""
-        other_end = self._frame(spring.relative_to, spring.relative_point)
-        markers = [other_end, self._frame(spring.body, spring.point)]
+        other_end = self.frame(spring.relative_to, spring.relative_point)
+        markers = [other_end, self.frame(spring.body, spring.point)]
         if spring.rest_length or spring.damping:
             item = items.ObjectConnectorSpringDamper(
                 markerNumbers=markers,
@@ -344,7 +397,7 @@ class _Builder:
             item = items.ObjectConnectorCartesianSpringDamper(
                 markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0]
             )
-        self._connect(item, "spring", spring.name, "Distance")
+        self.connect(item, "spring", spring.name, "Distance")
         self.system.rests[spring.name] = "Distance", spring.rest_length
 
     def add_rotational_spring(self, spring: elements.RotationalSpringDamper) -> None:
@@ -353,15 +406,7 @@ class _Builder:
 
     def add_cubic_spring(self, spring: elements.CubicTorsionSpring) -> None:
         """Add a spring between two rotations whose torque is a user function in Python."""
-        cubic_stiffness = spring.cubic_stiffness
-
-        def torque(*state: Any) -> float:
-            # An odd function: of anticlockwise angles as of clockwise ones.
-            _main, _time, _item, displacement, _velocity, stiffness, _damping, offset = state
-            stretch = displacement - offset
-            return stretch * (stiffness + cubic_stiffness * stretch * stretch)
-
-        self._add_torsion(spring, springForceUserFunction=torque)
+        self._add_torsion(spring, springForceUserFunction=_CubicTorque(spring.cubic_stiffness))
 
     def _add_torsion(
         self, spring: elements.RotationalSpringDamper | elements.CubicTorsionSpring, **fields: Any
@@ -370,12 +415,12 @@ class _Builder:
         # Displacements count from the start, anticlockwise.
         rest = float(angle.value(np.array(self.mechanism.start))) - spring.rest_angle
         item = items.ObjectConnectorCoordinateSpringDamper(
-            markerNumbers=self._rotations(spring.relative_to, spring.body),
+            markerNumbers=self.rotations(spring.relative_to, spring.body),
             stiffness=spring.stiffness,
             offset=rest,
             **fields,
         )
-        self._connect(item, "spring", spring.name, "Displacement")
+        self.connect(item, "spring", spring.name, "Displacement")
         self.system.rests[spring.name] = "Displacement", rest
 
     # Stops.
@@ -383,7 +428,7 @@ class _Builder:
     def add_angle_limit(self, stop: elements.Stop) -> None:
         """Add a constraint, or a spring, between two rotations."""
         limit = AngleLimit(stop, self.system.springs.get(stop.name))
-        markers = self._rotations(stop.relative_to, stop.body)
+        markers = self.rotations(stop.relative_to, stop.body)
         if limit.spring:
             item = items.ObjectConnectorCoordinateSpringDamper(
                 **_spring_fields(limit.spring, stop.sense, markers)
@@ -401,10 +446,10 @@ class _Builder:
     def add_point_contact(self, stop: elements.PointStop) -> None:
         """Add a point on a line, or a spring across that."""
         contact = LineContact(stop, self.system.springs.get(stop.name))
-        self._observe_relative(on_wall(stop), "Acceleration")
+        self.observe_relative(on_wall(stop), "Acceleration")
         x, y = stop.normal
-        point = self._frame(stop.body, stop.point)
-        line = self._frame(stop.relative_to, (x * stop.offset, y * stop.offset))
+        point = self.frame(stop.body, stop.point)
+        line = self.frame(stop.relative_to, (x * stop.offset, y * stop.offset))
         if contact.spring:
             fields = _spring_fields(contact.spring, 1, [line, point])
             item = items.ObjectConnectorLinearSpringDamper(axisMarker0=[-x, -y, 0.0], **fields)
@@ -414,7 +459,7 @@ class _Builder:
 
     def _add_stop(self, constraint: UnilateralConstraint, item: Any) -> None:
         name = constraint.stop.name
-        self.system.stops[name] = self._connect(item, "stop", name, constraint.force_sensor)
+        self.system.stops[name] = self.connect(item, "stop", name, constraint.force_sensor)
         self.system.constraints[name] = constraint
 
 
@@ -428,21 +473,21 @@ def _spring_fields(spring: Spring, sense: int, markers: list[int]) -> dict[str, 
     }
 
 
-BUILDERS: ElementTable[Callable[[_Builder, Any], None]] = ElementTable(
+BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
     "exudyn",
     ELEMENTS,
     {
-        elements.PinJoint: _Builder.add_pin,
-        elements.WeldJoint: _Builder.add_weld,
-        elements.SlotJoint: _Builder.add_slot,
-        elements.PrismaticJoint: _Builder.add_slot,
-        elements.FreeJoint: _Builder.add_free,
-        elements.Stop: _Builder.add_angle_limit,
-        elements.PointStop: _Builder.add_point_contact,
-        elements.SpringDamper: _Builder.add_point_spring,
-        elements.RotationalSpringDamper: _Builder.add_rotational_spring,
-        elements.CubicTorsionSpring: _Builder.add_cubic_spring,
-        elements.ConstantForce: _Builder.add_force,
-        elements.ConstantTorque: _Builder.add_torque,
+        elements.PinJoint: Builder.add_pin,
+        elements.WeldJoint: Builder.add_weld,
+        elements.SlotJoint: Builder.add_slot,
+        elements.PrismaticJoint: Builder.add_slot,
+        elements.FreeJoint: Builder.add_free,
+        elements.Stop: Builder.add_angle_limit,
+        elements.PointStop: Builder.add_point_contact,
+        elements.SpringDamper: Builder.add_point_spring,
+        elements.RotationalSpringDamper: Builder.add_rotational_spring,
+        elements.CubicTorsionSpring: Builder.add_cubic_spring,
+        elements.ConstantForce: Builder.add_force,
+        elements.ConstantTorque: Builder.add_torque,
     },
 )

@@ -12,27 +12,49 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
-from ..supplied import Part, Supplied
-from ..units import SI, Units, units_of
+from ..supplied import Assistance, Part, Supplied
+from ..units import scaled_units
 from .options import ExudynOptions
 from .study import STUDY
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
 """Classes that the tables of :mod:`.build` have a handler for; these need the library."""
+_ALONE: Mapping[str, object] = {
+    "own_limits": True,
+    "locate_releases": False,
+    "start_accelerations": False,
+    "restarts": False,
+    "fit_steps": False,
+    "scaled_units": False,
+}
+"""Options with which trebucheck takes no part in a run."""
+
+
+def _has_stops(mechanism: Mechanism) -> bool:
+    return bool(mechanism.stops)
+
+
+def _has_loops(mechanism: Mechanism) -> bool:
+    return bool(mechanism.loop_joints)
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
-    """Exudyn's implicit solvers on a tree (or loops) of 2D rigid bodies.
+    """Exudyn's implicit solvers on a tree (or loops) of 2D rigid bodies; the defaults are assisted.
 
-    The step is shortened a little, so that a whole number of equal steps fits between the start or
-    a release and the end: a short last step would be a source of noise in the multipliers.
+    By itself (:mod:`.alone`) Exudyn runs from start to end in one call. Stops are its own
+    unilateral elements (:mod:`.limits`), springs and dampers that stay in the system whatever the
+    law: they keep to release-once only while no stop is met again. Their stiffness, which Exudyn
+    has no default of, is such that they vibrate with a period of `limit_period` steps, and
+    rebounds are those of Exudyn's impact model. Where it adapts its steps Exudyn looks for the
+    beginning and the end of a contact by itself. A stop is read as released at the end of the first
+    step after which its element has no force.
 
-    A tuned run with loops begins anew beside positions in which their constraints depend on each
-    other (:mod:`.solver`); steps that fail there are replaced by a longer one over the position.
-
-    Under the unilateral law an open stop's gap is looked at after every step; where it fell below
-    zero the run steps onto the zero, in either preset, and the speeds jump by Newton's law. A touch
-    within one step is not seen.
+    With assistance (:mod:`.motion`) stops are constraints that are switched on and off, releases
+    and impacts are stepped onto, and the speeds jump by Newton's law. A touch within one step is
+    not seen. The step is shortened a little, so that a whole number of equal steps fits between the
+    start or a release and the end: a short last step would be a source of noise in the multipliers.
+    A run with loops begins anew beside positions in which their constraints depend on each other
+    (:mod:`.solver`); steps that fail there are replaced by a longer one over the position.
     """
 
     name: ClassVar[str] = "exudyn"
@@ -49,36 +71,101 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         features=built_features(BUILT),
         elements=BUILT,
     )
-    # Exudyn's own defaults: generalized-alpha on the positions' constraints, modified Newton,
-    # adaptive step. Its default step is 0.01 s, its tutorials take 1e-3 s. A newcomer switches a
-    # connector off after a step.
-    default_options: ClassVar[Mapping[str, object] | None] = {
-        "timestep": 1e-3,
+    # Those of `SimulationSettings()`; its step is an end of 1 s over 100 steps.
+    default_options: ClassVar[Mapping[str, object]] = {
+        **_ALONE,
+        "timestep": 1e-2,
         "integrator": "generalized-alpha-index-3",
         "newton_relative": 1e-8,
         "newton_absolute": 1e-10,
         "modified_newton": True,
         "adaptive_step": True,
-        "locate_releases": False,
+        "ignore_singular": False,
+    }
+    # The trapezoidal rule does not pass singular positions of loops, generalised alpha does. An
+    # adaptive step goes onto the beginning and the end of contacts, however short it has to be.
+    settings_options: ClassVar[Mapping[str, object]] = {
+        **_ALONE,
+        "loop_integrator": "generalized-alpha-index-3",
+        "newton_relative": 1e-8,
+        "newton_absolute": 1e-10,
+        "adaptive_step": True,
+        "minimum_step": 1e-12,
+    }
+    assistance: ClassVar[tuple[Assistance, ...]] = (
+        Assistance(
+            Part.EVENTS,
+            "switches stops, which are constraints, on and off",
+            "own_limits",
+            off=True,
+            depending={"locate_releases": False},
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.IMPACTS,
+            "resolves impacts with the mass matrix",
+            "own_limits",
+            off=True,
+            depending={"locate_releases": False},
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.STOPS,
+            "puts springs in balance in the place of stops",
+            "stop_stiffness",
+            off=None,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.EVENTS,
+            "steps onto releases",
+            "locate_releases",
+            off=False,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.START,
+            "computes accelerations at each start from Exudyn's equations",
+            "start_accelerations",
+            off=False,
+        ),
+        Assistance(
+            Part.RESTARTS,
+            "begins anew beside singular positions of loops, and goes over them",
+            "restarts",
+            off=False,
+            acts_on=_has_loops,
+        ),
+        Assistance(
+            Part.SUBSTEPS,
+            "shortens the steps, so that a whole number of them fits",
+            "fit_steps",
+            off=False,
+        ),
+        scaled_units(),
+    )
+    readings: ClassVar[Supplied] = {
+        Part.TORQUES: "of stops on angles that rebound, where they are Exudyn's own"
     }
 
-    @property
-    def supplied(self) -> Supplied:
-        """Switched constraints for stops; impulses found with Exudyn's mass matrix."""
-        return {Part.EVENTS: "", Part.IMPACTS: ""}
+    def _run(self, problem: Problem) -> Recording:
+        # Imported here so that the class, its options and its documentation need no Exudyn.
+        if not self.assisted_by:
+            from .alone import run_alone
+
+            return run_alone(problem, self)
+        from .motion import run
+
+        return self.units(problem.mechanism).run(run, problem, self)
+
+    def _script(self, problem: Problem) -> str:
+        from .alone import script
+
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Show the built system by its own matrices and outputs."""
         self.refuse_absence()
-        from .inspect import inspect  # loads Exudyn
+        from .inspect import inspect
 
-        return self._units(mechanism).inspect(inspect, mechanism, states, self)
-
-    def _run(self, problem: Problem) -> Recording:
-        from .motion import run  # loads Exudyn
-
-        return self._units(problem.mechanism).run(run, problem, self)
-
-    def _units(self, mechanism: Mechanism) -> Units:
-        """SI where a stiffness is given, which is in SI units."""
-        return units_of(mechanism) if self.stop_stiffness is None else SI
+        return self.units(mechanism).inspect(inspect, mechanism, states, self)

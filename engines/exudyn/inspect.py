@@ -3,7 +3,8 @@
 A state q is set by placing Exudyn's bodies, z(q); J = dz/dq carries its matrices back, M = J^T M_z
 J and f = J^T (f_z - M_z dJ/dt u). Accelerations and torques are solutions of Exudyn's own
 constrained equations, where J does not enter: were its joints other ones than the mechanism's, they
-would differ.
+would differ. Stops are constraints there, also of a run that has Exudyn's own unilateral elements
+for them, whose gaps are shown.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from ...models.elements import AnyJoint
 from ...models.errors import InputError, SimulationError
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
+from ...models.problem import StopLaw
 from ..inspection import Dynamics, Inspection, State
 from .build import build, silence
+from .limits import build_with_limits
 from .matrices import Matrices, matrices
 from .options import ExudynOptions
 from .read import BodyCoordinates, SensorKey, Spring, System, Values, exu, on_joint
@@ -55,6 +58,10 @@ class _Inspector:
         self.system, self.mechanism = system, system.mechanism
         self.solver = Solver(system, options)
         self.bodies = BodyCoordinates(Kinematics(system.mechanism))
+        self.limits: System | None = None
+        if options.own_limits:
+            period = options.limit_period * options.timestep
+            self.limits = build_with_limits(system.mechanism, StopLaw.UNILATERAL, period)
 
     def inspection(self, states: Sequence[State]) -> Inspection:
         """Quantities, in each state."""
@@ -97,15 +104,22 @@ class _Inspector:
         state_matrices.set_multipliers(state.closed, multipliers)
         row = self.solver.row(0.0)
         centres = self._places(row).reshape(-1, 3)[:, :2]
-        constraints = self.system.constraints
         return Dynamics(
             accelerations=self._accelerations(),
             stop_torques={name: self.solver.torque(row, name) for name in state.closed},
             mass_matrix=jacobian.T @ mass @ jacobian,
             forces=jacobian.T @ (forces - mass @ self._curvature(state)),
             centres={b.name: at for b, at in zip(self.mechanism.bodies, centres, strict=True)},
-            stop_gaps={name: constraints[name].connector_gap(self.system) for name in state.closed},
+            stop_gaps={name: self._gap(name, displacements) for name in state.closed},
         )
+
+    def _gap(self, name: str, displacements: FloatArray) -> float:
+        """Gap of a stop by the element that a run has for it."""
+        if self.limits is None:
+            return self.system.constraints[name].connector_gap(self.system)
+        data, current = self.limits.main.systemData, exu.ConfigurationType.Current
+        data.SetODE2Coordinates(displacements, current)
+        return self.limits.limits[name].connector_gap(self.limits)
 
     def _accelerations(self) -> FloatArray:
         """Accelerations of q by Exudyn's outputs of nodes and of points in slots, shape (n_q,)."""

@@ -30,9 +30,11 @@ from ..events import (
     Watch,
     active_contacts,
     resting,
+    whole_steps,
 )
 from ..protocol import Recording
 from .build import build, silence
+from .limits import build_with_limits, recording_with_limits
 from .matrices import matrices, resolve_impact, solve_constrained
 from .options import ExudynOptions
 from .read import Spring, Values, recording
@@ -54,6 +56,11 @@ def run(problem: Problem, options: ExudynOptions) -> Recording:
         SimulationError: Exudyn's solver gave up before the end, or impacts follow each other
             without an end.
     """
+    if not options.fit_steps:
+        duration = whole_steps(problem.duration, options.timestep) * options.timestep
+        problem = problem.model_copy(update={"duration": duration})
+    if options.own_limits:
+        return _with_own_limits(problem, options)
     unilateral = problem.stop_law is StopLaw.UNILATERAL
     if unilateral and options.stop_stiffness is not None:
         raise InputError(
@@ -64,6 +71,16 @@ def run(problem: Problem, options: ExudynOptions) -> Recording:
     with silence():
         motion = ExudynMotion(problem, options)
         return EventDriver(problem, motion, "exudyn", impacts=unilateral).run()
+
+
+def _with_own_limits(problem: Problem, options: ExudynOptions) -> Recording:
+    with silence():
+        period = options.limit_period * options.timestep
+        system = build_with_limits(problem.mechanism, problem.stop_law, period)
+        solver = Solver(system, options)
+        steps = max(1, math.ceil(problem.duration / options.timestep - _WHOLE))
+        table = solver.run(solver.start(), (), problem.duration, steps)
+    return recording_with_limits(system, solver.columns, table, solver.steps)
 
 
 class ExudynMotion:

@@ -1,4 +1,4 @@
-"""The numerical options of the exudyn adapter; the defaults are the tuned preset."""
+"""The numerical options of the exudyn adapter; the defaults are the assisted preset."""
 
 from __future__ import annotations
 
@@ -6,19 +6,25 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
+from ...models.mechanism import Mechanism
 from ...models.spec import Positive, Real
-from ..protocol import EngineOptions
+from ..units import SI, ScaledOptions, Units
 
 _Tolerance = Annotated[Real, Field(gt=0, le=1e-2)]
+Integrator = Literal["trapezoidal-index-2", "generalized-alpha-index-3"]
 
 
-class ExudynOptions(EngineOptions):
+class ExudynOptions(ScaledOptions):
     """Numerical options; their ranges are checked as in every :class:`EngineOptions`."""
 
     timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
-    integrator: Literal["trapezoidal-index-2", "generalized-alpha-index-3"] = Field(
+    integrator: Integrator = Field(
         default="trapezoidal-index-2",
         description="rule, and whether it holds the joints' speeds (2) or positions (3)",
+    )
+    loop_integrator: Integrator | None = Field(
+        default=None,
+        description="rule for mechanisms with loops, if it is another one",
     )
     spectral_radius: Real = Field(
         default=0.9,
@@ -38,8 +44,40 @@ class ExudynOptions(EngineOptions):
     adaptive_step: bool = Field(
         default=False, description="shorten a step whose iteration fails, instead of an error"
     )
+    minimum_step: Positive = Field(
+        default=1e-8, description="step that an adaptive step is not shortened below [s]"
+    )
+    ignore_singular: bool = Field(
+        default=True,
+        description="where constraints may depend on each other, leave out multipliers that they "
+        "do not determine",
+    )
+    own_limits: bool = Field(
+        default=False,
+        description="stops are Exudyn's own unilateral springs from start to end, instead of "
+        "constraints that are switched",
+    )
+    limit_period: Positive = Field(
+        default=10.0,
+        description="period of such a spring with the inertia that its stop feels at the start "
+        "[time steps]",
+    )
     locate_releases: bool = Field(
         default=True, description="step onto a release, instead of opening at a step's end"
+    )
+    start_accelerations: bool = Field(
+        default=True,
+        description="give Exudyn the accelerations at each start, by finer difference quotients "
+        "of its equations than its own",
+    )
+    restarts: bool = Field(
+        default=True,
+        description="begin anew beside singular positions of loops, and go over them where a step "
+        "fails",
+    )
+    fit_steps: bool = Field(
+        default=True,
+        description="shorten the steps a little, so that a whole number of them fits",
     )
     stop_stiffness: Positive | None = Field(
         default=None,
@@ -55,6 +93,15 @@ class ExudynOptions(EngineOptions):
         description="of such a spring with the inertia it holds at the start; 1 is critical",
     )
 
+    def rule(self, mechanism: Mechanism) -> Integrator:
+        """The integrator for a mechanism."""
+        return (self.loop_integrator if mechanism.loop_joints else None) or self.integrator
+
+    def units(self, mechanism: Mechanism) -> Units:
+        """SI where a stiffness is given, which is in SI units."""
+        return super().units(mechanism) if self.stop_stiffness is None else SI
+
     def in_time_unit(self, unit: float) -> Self:
         """The same options for a system whose unit of time is so many seconds."""
-        return self.model_copy(update={"timestep": self.timestep / unit})
+        times = {"timestep": self.timestep / unit, "minimum_step": self.minimum_step / unit}
+        return self.model_copy(update=times)

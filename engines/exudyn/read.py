@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from ..protocol import Recording
 # By name: the library has no types, and a plain import would need a mark at each use.
 exu: Any = importlib.import_module("exudyn")
 
+_V = TypeVar("_V", float, FloatArray)
 SensorKey = tuple[str, str, str]
 """Kind of item (body, marker, joint, stop, spring), its name, the quantity as Exudyn calls it."""
 
@@ -155,7 +156,7 @@ class AngleLimit:
         """Gap by the connector at the current state."""
         # A constraint's equation includes its offset; that of a spring is its preload, and no gap.
         variable = "Displacement" if self.spring else "ConstraintEquation"
-        return -self.sense * float(system.output(self.stop.name, variable))
+        return -self.sense * float(system.output(system.stops[self.stop.name], variable))
 
     def gap(self, values: Values) -> float:
         """Gap."""
@@ -163,13 +164,17 @@ class AngleLimit:
 
     def gap_speed(self, values: Values) -> float:
         """Speed of the gap."""
-        return self._closing(lambda body: float(rotation(body, values, "Coordinates_t")[0]))
+        return float(self.gap_speeds(values)[0])
+
+    def gap_speeds(self, values: Values) -> FloatArray:
+        """Speed of the gap in all rows, shape (n,)."""
+        return self._closing(lambda body: rotation(body, values, "Coordinates_t"))
 
     def gap_acceleration(self, values: Values, rotations: Mapping[str, float]) -> float:
         """Acceleration of the gap, by the bodies' rotational accelerations [rad/s^2]."""
         return self._closing(lambda body: rotations.get(body, 0.0))
 
-    def _closing(self, rotation_of: Callable[[str], float]) -> float:
+    def _closing(self, rotation_of: Callable[[str], _V]) -> _V:
         """Relative angle, clockwise and in the stop's sense, or a derivative of it."""
         stop = self.stop
         return -stop.sense * (rotation_of(stop.body) - rotation_of(stop.relative_to))
@@ -196,7 +201,7 @@ class LineContact:
 
     def connector_gap(self, system: System) -> float:
         """Gap by the connector at the current state."""
-        displacement = system.output(self.stop.name, "DisplacementLocal")
+        displacement = system.output(system.stops[self.stop.name], "DisplacementLocal")
         if self.spring:
             return -float(displacement)
         return -float(self._from_body(np.atleast_2d(displacement), system.now)[0])
@@ -232,6 +237,18 @@ class LineContact:
 UnilateralConstraint = AngleLimit | LineContact
 
 
+class OwnLimit(Protocol):
+    """A stop that is an element of Exudyn's in which it holds itself."""
+
+    def torque(self, values: Values) -> FloatArray:
+        """Torque or force [N m, N], shape (n,)."""
+        ...
+
+    def connector_gap(self, system: System) -> float:
+        """Gap by the connector at the current state [rad, m]."""
+        ...
+
+
 @dataclass(frozen=True)
 class System:
     """An assembled Exudyn system and the numbers of its items."""
@@ -240,12 +257,16 @@ class System:
     container: Any
     """Owns the system: it must live as long."""
     main: Any
+    items: list[Any] = field(default_factory=list[Any])
+    """All items of Exudyn's interface, in the order in which they were added."""
     nodes: dict[str, int] = field(default_factory=dict[str, int])
     bodies: dict[str, int] = field(default_factory=dict[str, int])
     stops: dict[str, int] = field(default_factory=dict[str, int])
     """Items of the stops: all under the unilateral law, else those that touch at the start."""
     constraints: dict[str, UnilateralConstraint] = field(default_factory=dict[str, Any])
     """Connectors and sensors of the same stops."""
+    limits: dict[str, OwnLimit] = field(default_factory=dict[str, Any])
+    """Stops that are Exudyn's own unilateral elements; they are in none of the mappings above."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Stops that are springs; empty where they are constraints."""
     rests: dict[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
@@ -272,6 +293,18 @@ class System:
         values = self.main.GetSensorValues(self.sensors[sensor])
         return np.array(values, dtype=np.float64, ndmin=2)
 
+    def columns(self) -> dict[SensorKey, slice]:
+        """Columns of each sensor in a table; column 0 is the time [s]."""
+        ends = np.cumsum([1, *(self.now(sensor).shape[1] for sensor in self.sensors)]).tolist()
+        return {
+            key: slice(a, b) for key, a, b in zip(self.sensors, ends[:-1], ends[1:], strict=True)
+        }
+
+    def stored(self) -> FloatArray:
+        """Table of what all sensors stored in the last run, shape (n, columns)."""
+        data = [np.asarray(self.main.GetSensorStoredData(n)) for n in self.sensors.values()]
+        return np.hstack([data[0][:, :1], *(values[:, 1:] for values in data)])
+
     @property
     def active(self) -> Contacts:
         """The stops that act."""
@@ -283,10 +316,10 @@ class System:
         for name, number in self.stops.items():
             self.main.SetObjectParameter(number, "activeConnector", name in active)
 
-    def output(self, stop: str, variable: str) -> FloatArray:
-        """An output variable of a stop's connector at the current state."""
+    def output(self, connector: int, variable: str) -> FloatArray:
+        """An output variable of a connector at the current state."""
         kind = getattr(exu.OutputVariableType, variable)
-        return np.asarray(self.main.GetObjectOutput(self.stops[stop], kind))
+        return np.asarray(self.main.GetObjectOutput(connector, kind))
 
     def preload(self, stop: str, torque: float) -> None:
         """Give a stop's spring this torque (or force) with the gap closed and at rest [N m, N]."""
@@ -407,8 +440,9 @@ def recording(
     torques = dict[str, FloatArray]()
     for name, release in events.releases.items():
         torques[name] = np.zeros(len(table))
-        if name in system.stops:
-            torques[name] = system.constraints[name].torque(values)
+        stop = system.limits.get(name) or system.constraints.get(name)
+        if stop is not None:
+            torques[name] = stop.torque(values)
             if release is not None and not reopens:
                 torques[name] = np.where(times < release, torques[name], 0.0)
 

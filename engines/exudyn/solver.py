@@ -23,7 +23,7 @@ singular value s:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any
@@ -33,9 +33,10 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
+from ...models.mechanism import Mechanism
 from ..events import Contacts, State
 from .options import ExudynOptions
-from .read import BodyCoordinates, SensorKey, System, Values, coordinates, exu
+from .read import BodyCoordinates, System, Values, coordinates, exu
 
 DEPENDENT = 1e-6
 """Singular value of a Jacobian, over its largest, below which constraints are dependent."""
@@ -204,12 +205,7 @@ class Solver:
     def __init__(self, system: System, options: ExudynOptions) -> None:
         self.system, self.mechanism, self.options = system, system.mechanism, options
         self.steps = 0
-        widths = [system.now(sensor).shape[1] for sensor in system.sensors]
-        ends = np.cumsum([1, *widths]).tolist()
-        self.columns: dict[SensorKey, slice] = {
-            key: slice(a, b) for key, a, b in zip(system.sensors, ends[:-1], ends[1:], strict=True)
-        }
-        """Columns of each sensor in a table; column 0 is the time [s]."""
+        self.columns = system.columns()
         self._kinematics = Kinematics(self.mechanism)
         self._start, _ = initial_state(self.mechanism)
         # Constraints of loops may follow from others, and so may those of several closed stops.
@@ -298,6 +294,8 @@ class Solver:
         data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
         data.SetODE2Coordinates(state.coordinates, initial)
         data.SetODE2Coordinates_t(state.rates, initial)
+        if self.system.limits:  # whether they act
+            data.SetDataCoordinates(data.GetDataCoordinates(), initial)
 
     # Steps.
 
@@ -332,11 +330,14 @@ class Solver:
         step = (end - state.t) / steps
         self._monitor, self._conditioning = monitor, None
         # Generalised alpha needs no monitor of the loops, as it damps the error.
-        if self.mechanism.loop_joints and self.options.integrator.startswith("trapezoidal"):
+        trapezoidal = self.options.rule(self.mechanism).startswith("trapezoidal")
+        if self.options.restarts and self.mechanism.loop_joints and trapezoidal:
             self._conditioning = Conditioning(LoopConstraints(self._kinematics, active))
         table, outcome = self._equal_steps(state, active, end, steps)
         if outcome is _Outcome.FAILED and end - state.t < _SHORT * self.options.timestep:
             return self._explicit_step(state, active, end)
+        if outcome is _Outcome.FAILED and not self.options.restarts:
+            raise self._failure(table, end)
         failed = projected = -np.inf
         while outcome in (_Outcome.FAILED, _Outcome.INTERRUPTED):
             last, drifts = float(table[-1, 0]), False
@@ -371,20 +372,22 @@ class Solver:
         iterations: int = _ITERATIONS,
     ) -> tuple[FloatArray, _Outcome]:
         """Table of the steps that succeeded, and how they ended."""
-        balance = self.balance(state, active)
-        self._set(state)
-        data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
-        data.SetODE2Coordinates_tt(balance.accelerations, initial)
         settings = self._settings(state.t, end, steps)
         settings.timeIntegration.newton.maxIterations = iterations
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+        balance: Balance | None = None
+        if self.options.start_accelerations:
+            balance = self.balance(state, active)
+            data, initial = self.system.main.systemData, exu.ConfigurationType.Initial
+            data.SetODE2Coordinates_tt(balance.accelerations, initial)
+            settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False
+        self.system.set_active(active)
+        self._set(state)
         if self._conditioning:
             self._conditioning.begin(self._position())
         finished, stopped = self._solve(settings)
-        numbers = self.system.sensors.values()
-        stored = [np.asarray(self.system.main.GetSensorStoredData(n)) for n in numbers]
-        table = np.hstack([stored[0][:, :1], *(data[:, 1:] for data in stored)])
-        table[0] = balance.row  # with accelerations given, Exudyn's own first row has no forces
+        table = self.system.stored()
+        if balance is not None:
+            table[0] = balance.row  # with accelerations given, Exudyn's own has no forces
         self.steps += len(table) - 1
         last = float(table[-1, 0])
         if finished and stopped and last > state.t:
@@ -465,33 +468,64 @@ class Solver:
             hint = f"its joints are redundant, and contradict each other as they drift; {hint}"
         elif len(table) <= 1:
             hint = "the step is too long, or a position singular"
+        rule = self.options.rule(self.mechanism)
         return SimulationError(
-            f"exudyn's {self.options.integrator} solver gave up after t = {table[-1, 0]:.6g} s "
-            f"of {end:.6g} s; {hint}."
+            f"exudyn's {rule} solver gave up after t = {table[-1, 0]:.6g} s of {end:.6g} s; {hint}."
         )
 
     def _settings(self, start: float, end: float, steps: int) -> Any:
-        settings, options = exu.SimulationSettings(), self.options
+        dependent = self._dependent and self.options.ignore_singular
+        changes = numerics(self.options, self.mechanism, dependent=dependent)
+        settings = changed_settings(changes)
         time, newton = settings.timeIntegration, settings.timeIntegration.newton
         time.startTime, time.endTime, time.numberOfSteps = start, end, steps
-        time.adaptiveStep = options.adaptive_step
-        time.generalizedAlpha.useNewmark = options.integrator.startswith("trapezoidal")
-        time.generalizedAlpha.useIndex2Constraints = options.integrator.endswith("2")
-        time.generalizedAlpha.spectralRadius = options.spectral_radius
-        newton.useModifiedNewton = options.modified_newton
-        newton.relativeTolerance, newton.absoluteTolerance = options.newton_relative, self._residual
+        newton.absoluteTolerance = self._residual
         if self.system.springs:
             # The force of a stiff spring is known only to the rounding of an angle times its
             # stiffness, and would not fall further; the increments of the coordinates do. Exudyn
             # wants both tolerances alike for them.
-            newton.residualMode, newton.absoluteTolerance = 1, options.newton_relative
-        # A full-pivoting LU that leaves the multipliers out that it cannot tell.
-        if self._dependent:
-            settings.linearSolverType = exu.LinearSolverType.EigenDense
-            settings.linearSolverSettings.ignoreSingularJacobian = True
-        settings.solution.file.write = False
-        settings.solution.sensors.writePeriod = _EVERY_STEP
+            newton.residualMode, newton.absoluteTolerance = 1, self.options.newton_relative
         return settings
+
+
+def numerics(options: ExudynOptions, mechanism: Mechanism, *, dependent: bool) -> dict[str, object]:
+    """Fields of Exudyn's SimulationSettings that follow from options, and those of a silent run.
+
+    Args:
+        options: numerical options.
+        mechanism: what is to be moved.
+        dependent: whether multipliers are left out that constraints do not determine, by an LU
+            decomposition with full pivoting.
+    """
+    rule = options.rule(mechanism)
+    fields: dict[str, object] = {
+        "timeIntegration.generalizedAlpha.useNewmark": rule.startswith("trapezoidal"),
+        "timeIntegration.generalizedAlpha.useIndex2Constraints": rule.endswith("2"),
+        "timeIntegration.generalizedAlpha.spectralRadius": options.spectral_radius,
+        "timeIntegration.adaptiveStep": options.adaptive_step,
+        "timeIntegration.minimumStepSize": options.minimum_step,
+        "timeIntegration.newton.useModifiedNewton": options.modified_newton,
+        "timeIntegration.newton.relativeTolerance": options.newton_relative,
+        "timeIntegration.newton.absoluteTolerance": options.newton_absolute,
+        "solution.file.write": False,
+        "solution.sensors.writePeriod": _EVERY_STEP,
+    }
+    if dependent:
+        fields["linearSolver.solverType"] = exu.LinearSolverType.EigenDense
+        fields["linearSolver.ignoreSingularJacobian"] = True
+    return fields
+
+
+def changed_settings(fields: Mapping[str, object]) -> Any:
+    """Exudyn's SimulationSettings with some fields changed, each named by its path."""
+    settings = exu.SimulationSettings()
+    for path, value in fields.items():
+        *parts, name = path.split(".")
+        owner = settings
+        for part in parts:
+            owner = getattr(owner, part)
+        setattr(owner, name, value)
+    return settings
 
 
 def is_at(time: float, end: float) -> bool:
