@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 from pydantic import JsonValue
 
 from ...models.mechanism import Mechanism
+from ...models.problem import Problem
 from .. import study
-from ..presets import ASSISTED
+from ..presets import ASSISTED, DEFAULT, SETTINGS
 from ..study import (
     Cause,
     Intervention,
@@ -21,6 +23,14 @@ from ..study import (
 )
 
 PYTHON = "Exudyn in Python"
+_INDEX_3: study.Options = {
+    "integrator": "generalized-alpha-index-3",
+    "newton_relative": 1e-8,
+    "newton_absolute": 1e-10,
+    "modified_newton": True,
+    "adaptive_step": True,
+    "locate_releases": False,
+}
 _REFINEMENT = 4
 """Refinement of the step for the base, whose remaining error (1/16) is accounted for."""
 
@@ -36,10 +46,14 @@ def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
         "newton_absolute": min(1e-9, settings["newton_absolute"]),
         "modified_newton": False,
     }
-    return study.with_readout(
+    # The trapezoidal rule needs restarts to pass singular positions of loops.
+    trapezoidal: dict[str, JsonValue] = {
+        "integrator": "trapezoidal-index-2", "loop_integrator": None, "restarts": True,
+    }  # fmt: skip
+    causes = (
         Cause("integrator",
               "generalized-alpha's damping, and joints held in their positions (index 3)",
-              Intervention({"integrator": "trapezoidal-index-2"})),
+              Intervention(trapezoidal)),
         Cause("Newton iteration",
               "where the iteration of a step stops, with a Jacobian kept over several steps",
               Intervention(tighter)),
@@ -55,14 +69,32 @@ def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
         # is not.
         study.time_step_cause(finer, leaves=math.pow(_REFINEMENT, -2), after=then),
     )  # fmt: skip
+    if settings["own_limits"]:
+        # Their stiffness follows from the step, they need adaptive steps, and a tighter Newton
+        # iteration does not end at their forces' rounding: other causes are taken out after them.
+        text = "stops are springs and dampers, which give way and start without a force"
+        limits = Cause("soft stops", text, Intervention({"own_limits": False}))
+        causes = limits, *(replace(c, after=(*c.after, limits.name)) for c in causes)
+    return study.with_readout(*causes)
 
 
 _NEED = "second order: trapezoidal rule, index 2"
 
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    values = {"options": engine, "end": duration, "points": bool(mechanism.point_stops)}
+    if not engine.assisted_by:
+        return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
+    values = {
+        "options": engine,
+        "rule": engine.rule(mechanism),
+        "end": duration,
+        "points": bool(mechanism.point_stops),
+    }
     return {PYTHON: study.filled_template(__name__, "exudyn.py.j2", **values)}
+
+
+def _stiffer(settings: study.Options, _: study.ConstraintKinds) -> dict[str, Any] | None:
+    return {"limit_period": settings["limit_period"] / 2} if settings["own_limits"] else None
 
 
 STUDY = study.EngineStudy(
@@ -80,7 +112,7 @@ STUDY = study.EngineStudy(
             name="spectral_radius", title="dissipation (1 - rho) / (1 + rho) of generalised alpha",
             unit="1", values=study.geometric(1, 1e-2, 7),
             options=lambda d: {"spectral_radius": (1.0 - d) / (1.0 + d)}, expected=2.0,
-            preset="stock", base={"timestep": 1e-3}, without={"spectral_radius": 1 - 1e-6},
+            base={**_INDEX_3, "timestep": 1e-3}, without={"spectral_radius": 1 - 1e-6},
             why="being of second order, the rule has no term linear in the dissipation; "
                 "beta = (1 + it)^2 / 4 has a square",
         ),
@@ -92,12 +124,17 @@ STUDY = study.EngineStudy(
         ),
     ),
     step_orders={
-        ASSISTED: study.StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
-        "stock": study.StepOrder(
-            2.0,
-            "generalised alpha is of second order in positions; its releases are at a step's end",
+        DEFAULT: study.StepOrder(
+            2.0, "generalised alpha is of second order in positions, and the softness of the stops "
+            "falls with the step's square; an impact that rebounds lasts some steps: first order",
             "generalised alpha, index 3",
         ),
+        SETTINGS: study.StepOrder(
+            2.0, "the trapezoidal rule is of second order, and the softness of the stops falls "
+            "with the step's square; an impact that rebounds lasts some steps: first order",
+            "trapezoidal rule, index 2",
+        ),
+        ASSISTED: study.StepOrder(2.0, "trapezoidal rule, index 2", "trapezoidal rule, index 2"),
     },
     refinements=(
         study.HALF_THE_STEP,
@@ -107,14 +144,16 @@ STUDY = study.EngineStudy(
                    study.multiplied("newton_absolute", 0.01)),
         Refinement("softness of the stops", "twice the stops' stiffness",
                    study.multiplied("stop_stiffness", 2.0)),
+        Refinement("softness of the stops", "half the period of the stops' springs", _stiffer),
     ),
     option_sets=(
         study.DEFAULT_SET,
-        OptionSet("index 2", "stock, with the trapezoidal rule of index 2", "stock",
+        OptionSet("index 2", "default, with the trapezoidal rule of index 2", DEFAULT,
                   {"integrator": "trapezoidal-index-2"}),
-        OptionSet("tight Newton", "the same, with a full Newton iteration to 1e-12", "tuned",
-                  {"locate_releases": False}),
         study.SETTINGS_SET,
+        OptionSet("stops switched",
+                  "the trapezoidal rule, and stops are constraints that are switched off after a "
+                  "step", ASSISTED, {"locate_releases": False}),
         study.ASSISTED_SET,
     ),
     tolerances=(
