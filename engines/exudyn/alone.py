@@ -116,7 +116,7 @@ def _added(items: Iterable[Any]) -> list[str]:
     return statements
 
 
-def _text(value: object) -> str:
+def _text(value: Any) -> str:
     """A value as Python's text."""
     if isinstance(value, np.ndarray | np.generic):
         return repr(value.tolist())

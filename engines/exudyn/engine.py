@@ -72,7 +72,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         elements=BUILT,
     )
     # Those of `SimulationSettings()`; its step is an end of 1 s over 100 steps.
-    default_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         **_ALONE,
         "timestep": 1e-2,
         "integrator": "generalized-alpha-index-3",
@@ -84,7 +84,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
     }
     # The trapezoidal rule does not pass singular positions of loops, generalised alpha does. An
     # adaptive step goes onto the beginning and the end of contacts, however short it has to be.
-    settings_options: ClassVar[Mapping[str, object]] = {
+    settings_options: ClassVar[Mapping[str, object] | None] = {
         **_ALONE,
         "loop_integrator": "generalized-alpha-index-3",
         "newton_relative": 1e-8,
@@ -92,7 +92,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "adaptive_step": True,
         "minimum_step": 1e-12,
     }
-    assistance: ClassVar[tuple[Assistance, ...]] = (
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.EVENTS,
             "switches stops, which are constraints, on and off",

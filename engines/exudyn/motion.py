@@ -51,7 +51,7 @@ def run(problem: Problem, options: ExudynOptions) -> Recording:
     """Simulate a problem.
 
     Raises:
-        InputError: stops are to be springs under the unilateral law.
+        InputError: stops are to be springs under the unilateral law, or Exudyn's own and switched.
         UnsupportedProblemError: the mechanism cannot be built, or not from this start.
         SimulationError: Exudyn's solver gave up before the end, or impacts follow each other
             without an end.
@@ -60,6 +60,11 @@ def run(problem: Problem, options: ExudynOptions) -> Recording:
         duration = whole_steps(problem.duration, options.timestep) * options.timestep
         problem = problem.model_copy(update={"duration": duration})
     if options.own_limits:
+        if options.locate_releases or options.stop_stiffness is not None:
+            raise InputError(
+                "own_limits = true leaves stops to exudyn: locate_releases must be false, and "
+                "stop_stiffness left out."
+            )
         return _with_own_limits(problem, options)
     unilateral = problem.stop_law is StopLaw.UNILATERAL
     if unilateral and options.stop_stiffness is not None:

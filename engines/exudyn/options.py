@@ -55,7 +55,8 @@ class ExudynOptions(ScaledOptions):
     own_limits: bool = Field(
         default=False,
         description="stops are Exudyn's own unilateral springs from start to end, instead of "
-        "constraints that are switched",
+        "constraints that are switched; their forces are rounded above the tightest tolerances of "
+        "Newton's iteration",
     )
     limit_period: Positive = Field(
         default=10.0,
