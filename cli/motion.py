@@ -281,9 +281,8 @@ def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: floa
         raise next(iter(failures.values()))
     notes = " ".join(f"{label} is missing: {error}" for label, error in failures.items())
     how = {"end": runner.end, "thrown": runner.until.thrown, "launch": runner.launch_time}
-    return motion_scene(
-        runner.solution.trajectory, runs, **how, name=mechanism.name, notes=notes, magnify=magnify
-    )
+    how |= {"name": mechanism.name, "notes": notes, "magnify": magnify}
+    return motion_scene(runner.solution.trajectory, runs, **how, horizon=runner.judged_to)
 
 
 def _from_files(
@@ -291,11 +290,13 @@ def _from_files(
 ) -> Iterator[Scene]:
     """The reference's motion, and runs that were made before, by machine: to the shortest's end.
 
+    Of runs from several starts the reference has that of the first file.
+
     Raises:
         InputError: there are none, or a file is not one.
     """
     from ..comparisons.report.plots import motion_scene
-    from ..comparisons.runs.runner import Runner
+    from ..comparisons.runs.runner import Runner, horizon_of
     from ..comparisons.runs.study import Until
     from ..models.problem import StopLaw
     from ..models.trajectory import load
@@ -318,7 +319,8 @@ def _from_files(
             )
     for name in chosen:
         mechanism, law = groups[name][0].mechanism, groups[name][0].provenance.stop_law
-        if len({trajectory.mechanism.content_hash for trajectory in groups[name]}) > 1:
+        start = {"start": mechanism.start, "start_speeds": mechanism.start_speeds}
+        if any(run.mechanism.model_copy(update=start) != mechanism for run in groups[name]):
             raise InputError(f"the trajectories of {name!r} are of several machines of that name.")
         shortest = min(float(trajectory.t[-1]) for trajectory in groups[name])
         end = Until.of(shortest if until is None else until)
@@ -333,9 +335,10 @@ def _from_files(
         if until is None and launch is not None:
             # Engines ran on after the launch; that is not part of the comparison.
             last = min(launch, shortest)
-        yield motion_scene(
-            runner.solution.trajectory, runs, end=last, launch=launch, magnify=magnify
-        )
+        elsewhere = horizon_of([run for run in groups[name] if run.mechanism != mechanism])
+        horizon = min(runner.judged_to, elsewhere or math.inf)
+        how = {"end": last, "launch": launch, "magnify": magnify, "horizon": horizon}
+        yield motion_scene(runner.solution.trajectory, runs, **how)
 
 
 @command(

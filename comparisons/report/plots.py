@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -20,8 +20,10 @@ from ...engines.registry import engine_study
 from ...models.arrays import FloatArray
 from ...models.errors import InputError
 from ...models.files import write_bytes
+from ...models.kinematics import initial_state
+from ...models.mechanism import Mechanism
 from ...models.trajectory import Trajectory
-from .drawing.scene import RunLook, Scene, States, scene
+from .drawing.scene import RunLook, Scene, States, scene, starts_alike
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,19 +153,100 @@ class Plot:
 
 Panels = tuple[Plot, ...]  # plots beside each other under one legend
 REFERENCE_RUN = f"reference {ASSISTED}"  # label of the run that is the reference itself
+_OTHERS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
+_MOST_COORDINATES = 4  # whose start a label has
 
 
 def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> Scene:
     """Returns a mechanism in motion with engines' runs, by label, over the reference at any times.
 
-    A run of the reference's own is left out. `how` is what :func:`.drawing.scene.scene` takes.
+    A run of the reference's own is left out, and a motion from another start is named by that.
+    `how` is what :func:`.drawing.scene.scene` takes.
     """
+    mechanism = states(np.zeros(1)).mechanism
     looks: dict[str, RunLook] = {}
+    name = "reference"
+    made = [run.provenance for run in runs.values()]
+    own = [run_style(each.engine, each.preset).colour for each in made]
     for label, run in runs.items():
-        if label != REFERENCE_RUN:
+        if not starts_alike(run.mechanism, mechanism):
+            looks[_unlike(looks, motion_label(run, mechanism))] = RunLook(run, _free(looks, own))
+            name = f"reference, {_start_in_words(mechanism)}"
+        elif label != REFERENCE_RUN:
             style = run_style(run.provenance.engine, run.provenance.preset)
             looks[label] = RunLook(run, style.colour, style.dashed)
-    return scene(states, looks, **how)
+    return scene(states, looks, label=name, **how)
+
+
+def motions_scene(first: Trajectory, others: Sequence[Trajectory], horizon: float | None) -> Scene:
+    """Returns a trajectory in motion, with others of the same mechanism over it.
+
+    The first one that is the reference's own is what those from the same start deviate from.
+
+    Args:
+        first: the trajectory.
+        others: drawn over it.
+        horizon: time from which on they cannot be predicted [s]; None: they can.
+    """
+    every = [first, *others]
+    alike = [each for each in every if starts_alike(each.mechanism, first.mechanism)]
+    base = next((each for each in alike if each.provenance.engine == "reference"), first)
+    label = _maker(base)
+    if len(alike) < len(every):
+        label += f", {_start_in_words(base.mechanism)}"
+    looks: dict[str, RunLook] = {}
+    for each in every:
+        if each is not base:
+            look = RunLook(each, _free(looks), each.provenance.preset != ASSISTED)
+            looks[_unlike(looks, motion_label(each, base.mechanism))] = look
+    return scene(base, looks, label=label, horizon=horizon)
+
+
+def motion_label(run: Trajectory, reference: Mechanism) -> str:
+    """Name of a motion beside a reference motion: whose it is, and its start if that is another."""
+    maker = _maker(run)
+    if not starts_alike(run.mechanism, reference):
+        return f"{maker}, {_start_in_words(run.mechanism, reference)}"
+    if maker == "reference":
+        return "another run of the reference"
+    return maker
+
+
+def _maker(run: Trajectory) -> str:
+    """The reference, or an engine and its preset."""
+    made = run.provenance
+    return "reference" if made.engine == "reference" else f"{made.engine} {made.preset}"
+
+
+def _free(looks: Mapping[str, RunLook], taken: Iterable[str] = ()) -> str:
+    """A colour that no other motion has, while there are any."""
+    used = {colour.lower() for colour in (*taken, *(look.colour for look in looks.values()))}
+    return next((c for c in _OTHERS if c not in used), _OTHERS[len(looks) % len(_OTHERS)])
+
+
+def _unlike(taken: Mapping[str, object], label: str) -> str:
+    """The label, with a number if it is taken."""
+    same = sum(other == label or other.startswith(f"{label} (") for other in taken)
+    if same:
+        label += f" ({same + 1})"
+    return label
+
+
+def _start_in_words(mechanism: Mechanism, other: Mechanism | None = None) -> str:
+    """Start of the coordinates, and their speeds; only those in which it differs from another."""
+    own = initial_state(mechanism)
+    known = (np.full_like(own[0], np.nan), np.zeros_like(own[1]))
+    if other is not None:
+        known = initial_state(other)
+    texts: list[str] = []
+    for values, others, per, what in zip(own, known, ("", "/s"), ("", "speed of "), strict=True):
+        for i, name in enumerate(mechanism.coordinates):
+            unit = "rad" if name in mechanism.angles else "m"
+            if values[i] != others[i]:
+                texts.append(f"{what}{name} = {values[i]:.6g} {unit}{per}")
+    if len(texts) > _MOST_COORDINATES:
+        texts[_MOST_COORDINATES:] = [f"{len(texts) - _MOST_COORDINATES} more"]
+    return f"start {', '.join(texts)}"
 
 
 # --- Pictures by Matplotlib, for papers, notebooks and the README

@@ -9,7 +9,8 @@ mechanism.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from threading import RLock
@@ -455,3 +456,23 @@ def motion_of(given: Mechanism | Problem) -> Runner:
     if isinstance(given, Problem):
         return Runner(given.mechanism, until=Until.of(given.duration), law=given.stop_law)
     return Runner(given, until=Until.of(None))
+
+
+def horizon_of(trajectories: Iterable[Trajectory]) -> float | None:
+    """Predictability horizon of the first of some motions to reach it before it ends [s].
+
+    None: they can be predicted to their ends, or the reference cannot tell.
+    """
+    horizons: list[float] = []
+    known: set[str] = set()
+    for trajectory in trajectories:
+        mechanism, end = trajectory.mechanism, float(trajectory.t[-1])
+        if mechanism.content_hash in known or not end > 0:
+            continue
+        known.add(mechanism.content_hash)
+        with suppress(TrebucheckError, ValueError):  # the law of an unknown origin is no law
+            law = StopLaw(trajectory.provenance.stop_law)
+            horizon = Runner(mechanism, until=Until.of(end), law=law).judged_to
+            if horizon < end:
+                horizons.append(horizon)
+    return min(horizons, default=None)

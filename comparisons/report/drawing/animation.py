@@ -13,6 +13,7 @@ import json
 import math
 import re
 import tempfile
+import textwrap
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -195,11 +196,13 @@ def scene_data(shown: Scene) -> dict[str, Any]:
         aside = {name: packed(values) for name, values in run.aside.items()}
         runs.append({
             "name": run.name, "colour": run.colour, "dashed": run.dashed, "d": packed(run.d),
+            "compared": run.compared,
             "aside": aside, "torques": _forces(stops, run.torques, (len(shown.t), 1)),
             "forces": _forces(joints, run.forces, (len(shown.t), 2)),
         })  # fmt: skip
     return {
-        "name": shown.name, "notes": shown.notes, "t": packed(shown.t, "<f8"),
+        "name": shown.name, "notes": shown.notes, "label": shown.label, "horizon": shown.horizon,
+        "t": packed(shown.t, "<f8"),
         "q": packed(reference.q), "u": packed(reference.u),
         "width": len(mechanism.coordinates), "angles": int(drawing.kinematics.is_angle.sum()),
         "carried": drawing.kinematics.carried, "points": points, "shapes": shapes,
@@ -224,6 +227,11 @@ def _forces(
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     unit = _short(float(np.median(sizes))) if len(sizes) else 1.0
     return [unit, packed(np.clip(values / unit, -_MOST_HALF, _MOST_HALF), "<f2")]
+
+
+def _wrapped(text: str, letters: int) -> list[str]:
+    """Lines of a text of at most so many letters."""
+    return textwrap.wrap(text, max(letters, 20))
 
 
 def packed(values: FloatArray, kind: str = "<f4") -> str:
@@ -252,6 +260,7 @@ _LINES: dict[Role, str] = {
     "rope": "rope", "mass": "surface", "body": "edge", "joint": "edge", "ground": "ground",
     "guide": "ground", "stop": "stop", "centre": "edge",
 }  # fmt: skip
+_OF_BODIES = ("body", "mass", "rope")  # colours of what a motion has of its own
 _DPI = 96  # pixels of CSS in an inch, so that an SVG is as wide as asked for
 _FONT = 9.0  # points
 _HALO = {"facecolor": PALETTE["surface"], "alpha": 0.7, "linewidth": 0, "pad": 0.5}
@@ -295,12 +304,17 @@ class Stage:
         entries: list[tuple[RunMotion | None, float, int]] = []
         x, row = float(_LEFT), 0
         for run in (None, *scene.runs) if scene.runs else ():
-            room = 52 + 7.2 * len(run.name if run else "reference")
+            room = 52 + 7.2 * len(run.name if run else scene.label)
             if x + room > self.width and x > _LEFT:
                 x, row = float(_LEFT), row + 1
             entries.append((run, x, row))
             x += room
-        rows = 1 + row + (scene.magnification != 1)
+        self._texts = [*_wrapped(scene.warning, int((self.width - _LEFT) / 6.4))]
+        if scene.magnification != 1:
+            factor = scene.magnification
+            times = f"{factor:,.0f}" if factor < 1e6 else f"{factor:.0e}"
+            self._texts.append(f"deviations from the reference magnified {times} times")
+        rows = 1 + row + len(self._texts)
         band = 2 * math.ceil((rows * _ROW + 12) / 2)
         self.height = self.stage_height + band
         self.scale = min(self.width / (x1 - x0), self.stage_height / (y1 - y0))  # pixels in a metre
@@ -316,12 +330,12 @@ class Stage:
         self.legend = self._axes((0, 0, 1, band / self.height), "legend")
         self.legend.set_xlim(0, self.width)
         self.legend.set_ylim(band, 0)
-        self._draw_legend(entries, rows)
+        self._draw_legend(entries, 1 + row)
         self._marked = list(scene.drawing.compared)
         # Positions of the compared points of the reference and each run at the fine instants [m].
         self._paths: list[tuple[RunMotion | None, ComplexArray]] = []
         for run in (None, *scene.runs):
-            xy = scene.at(scene.fine, run, scene.magnification)[:, self._marked]
+            xy = scene.at(scene.fine, run, magnified=True)[:, self._marked]
             self._paths.append((run, xy[..., 0] + 1j * xy[..., 1]))
         self._zorder = 0
 
@@ -334,20 +348,20 @@ class Stage:
     def _draw_legend(
         self, entries: Sequence[tuple[RunMotion | None, float, int]], rows: int
     ) -> None:
-        """Draw the runs' lines and names, and by what deviations are magnified."""
+        """Draw the motions' lines and names, and below those rows what else is to be said."""
         for run, x, row in entries:
             y = 20 + _ROW * row
-            colour, width = (run.colour, 2.5) if run else (PALETTE["body"], 7.0)
-            style = (0, (2.8, 2)) if run and run.dashed else "-"
+            name, colour, width, style = self.scene.label, PALETTE["body"], 7.0, "-"
+            if run is not None:
+                name, colour = run.name, run.colour
+            if run is not None and run.compared:
+                width, style = 2.5, (0, (2.8, 2)) if run.dashed else "-"
             self.legend.plot([x, x + 28], [y - 4, y - 4], color=colour, linestyle=style,
                              linewidth=width * _POINT, solid_capstyle="butt")  # fmt: skip
-            name = run.name if run else "reference"
             self.legend.text(x + 34, y, name, color=PALETTE["soft"], fontsize=_FONT)
-        factor = self.scene.magnification
-        if factor != 1:
-            times = f"{factor:,.0f}" if factor < 1e6 else f"{factor:.0e}"
-            text = f"deviations from the reference magnified {times} times"
-            self.legend.text(_LEFT, _ROW * rows, text, color=PALETTE["soft"], fontsize=_FONT)
+        for k, text in enumerate(self._texts):
+            y = 20 + _ROW * (rows + k)
+            self.legend.text(_LEFT, y, text, color=PALETTE["soft"], fontsize=_FONT)
 
     # --- Frames
 
@@ -372,12 +386,14 @@ class Stage:
             self._draw_traces(traced, time)
         places = min(max(3 - math.floor(math.log10(self.scene.t[-1])), 0), 6)
         clock = f"{before[0]:.4g} to {time:.4g} s" if before else f"t = {time:.{places}f} s"
-        self.stage.text(10 / self.width, -20 / self.stage_height, clock, color=PALETTE["ink"],
+        lost = self.scene.horizon is not None and time > self.scene.horizon
+        self.stage.text(10 / self.width, -20 / self.stage_height, clock,
+                        color=PALETTE["force" if lost else "ink"],
                         fontsize=_FONT, va="baseline", transform=self.stage.transAxes)  # fmt: skip
 
     def points(self, time: float, run: RunMotion | None = None) -> ComplexArray:
         """Positions of all points [m], of a run with its deviations magnified."""
-        xy = self.scene.at(np.array([time]), run, self.scene.magnification)[0]
+        xy = self.scene.at(np.array([time]), run, magnified=True)[0]
         return xy[:, 0] + 1j * xy[:, 1]
 
     def pixels(self, z: ComplexArray) -> ComplexArray:
@@ -402,6 +418,10 @@ class Stage:
         for k, run in enumerate(self.scene.runs):
             z = self.points(time, run)
             if not np.isfinite(z).all():
+                continue
+            if not run.compared:
+                for shape in self.scene.drawing.shapes:
+                    self._draw_shape(shape, z[list(shape.points)], 1.0, run.colour)
                 continue
             # Lines of later runs are thinner, so that of lines that coincide each is seen.
             width = 1.6 + 1.1 * min(len(self.scene.runs) - 1 - k, 7)
@@ -447,41 +467,49 @@ class Stage:
 
     # --- Shapes
 
-    def _draw_shape(self, shape: Shape, z: ComplexArray, opacity: float) -> None:
-        """Draw a shape of the reference, from the positions of its points [m]."""
+    def _draw_shape(self, shape: Shape, z: ComplexArray, opacity: float, colour: str = "") -> None:
+        """Draw a shape from the positions of its points [m].
+
+        Args:
+            shape: of the mechanism.
+            z: positions, x + i y.
+            opacity: of lines and areas.
+            colour: of bodies and ropes that are not the reference's.
+        """
         size, kind, role = shape.size * self.scale, shape.kind, shape.role
+        palette = {**PALETTE, **dict.fromkeys(_OF_BODIES, colour)} if colour else PALETTE
         if kind == "arrow":
             self._arrow(z[0], z[1], max(size, 7) / self.scale, opacity)
         elif kind == "turn":
             self._turn(z[0], shape.path[0][0], max(size, 10) / self.scale, opacity)
         elif role == "body" and kind != "disc":
             lines, width = polylines(shape, z), max(size, 2)
-            self._lines(lines, Pen(PALETTE["edge"], width + 2, opacity))
+            self._lines(lines, Pen(palette["edge"], width + 2, opacity))
             if kind == "area":
-                self._area(lines[0], PALETTE["body"], opacity)
-            self._lines(lines, Pen(PALETTE["body"], width, opacity))
+                self._area(lines[0], palette["body"], opacity)
+            self._lines(lines, Pen(palette["body"], width, opacity))
         elif role == "centre" and kind == "disc":
             # The sign of a centre of mass: a disc of which two quarters are filled.
             radius = max(size, 3) / self.scale
-            self._disc(z[0], radius, Pen("", 0.0, opacity), PALETTE["surface"])
+            self._disc(z[0], radius, Pen("", 0.0, opacity), palette["surface"])
             for start in (0.0, math.pi):
                 arc = radius * np.exp(1j * np.linspace(start, start + math.pi / 2, 9))
-                self._area(z[0] + np.append(arc, 0.0), PALETTE["ink"], opacity)
-            self._disc(z[0], radius, Pen(PALETTE["ink"], 1.0, opacity))
+                self._area(z[0] + np.append(arc, 0.0), palette["ink"], opacity)
+            self._disc(z[0], radius, Pen(palette["ink"], 1.0, opacity))
         else:
-            colour = "" if role == "marker" else PALETTE[_LINES.get(role, "soft")]
+            line = "" if role == "marker" else palette[_LINES.get(role, "soft")]
             fill, width = "", max(size, 1.5)
             if kind in ("hatch", "wheel"):
                 width = 1.2
             elif kind in ("disc", "area"):
-                width, fill = 1.3, PALETTE[_FILLS[role]] if role in _FILLS else ""
-            pen = Pen(colour, width, opacity)
+                width, fill = 1.3, palette[_FILLS[role]] if role in _FILLS else ""
+            pen = Pen(line, width, opacity)
             if kind == "area":
                 self._area(z, fill, opacity, pen)
             else:
                 self._lines(polylines(shape, z), pen)
             if kind in ("disc", "wheel"):
-                rim = Pen(colour, 2.2, opacity) if kind == "wheel" else pen
+                rim = Pen(line, 2.2, opacity) if kind == "wheel" else pen
                 self._disc(z[0], shape.size, rim, fill, role)
 
     def _arrow(self, tail: complex, tip: complex, head: float, opacity: float) -> None:

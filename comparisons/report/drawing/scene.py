@@ -14,6 +14,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from ....models.arrays import FloatArray
 from ....models.errors import InputError
+from ....models.kinematics import initial_state
+from ....models.mechanism import Mechanism
 from ....models.trajectory import PointMotion, Trajectory
 from .sketch import MOVING, Box, Drawing, draw
 
@@ -25,6 +27,7 @@ _MOST_EVENTS = 12  # about which they are
 _FRAMED = 60  # that have frames of their own
 _BEFORE = 1e-7  # parts of the end
 _SAME = 1e-3  # a marker is where q puts it, if it is less than this share of its deviation away
+_SEEN = 1e-2  # [rad], or of the size: a start that is farther away is seen to be another one
 _KEPT = 4  # motions at the samples of runs
 _SAME_TIME = 1e-9  # parts of the end
 # Of the size: by how much runs widen the view at most, and what is left beside them
@@ -122,6 +125,8 @@ class RunMotion:
     """Torques of stops [N m], or forces [N] on points, where the run tells them, shape (n,)."""
     forces: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """On the children of the joints whose forces it tells, shape (n, 2) [N]."""
+    compared: bool = True
+    """Whether it begins as the reference does; else it is drawn as a motion of its own."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +143,20 @@ class Scene:
     """A sentence on what is seen, such as which runs are missing."""
     magnify: float | None = field(default=None, kw_only=True)
     """Factor of deviations at first; None: such that they are seen."""
+    label: str = field(default="reference", kw_only=True)
+    """Name of the motion that the runs are drawn over."""
+    horizon: float | None = field(default=None, kw_only=True)
+    """Time from which on the motion cannot be predicted [s]; None: it can, to the end."""
+
+    @property
+    def warning(self) -> str:
+        """A sentence on what is shown beyond the predictability horizon; '' if nothing is."""
+        if self.horizon is None:
+            return ""
+        return (
+            f"Beyond {self.horizon:.4g} s this motion cannot be predicted: what is drawn is one of "
+            "many that begin alike."
+        )
 
     @property
     def mechanism_title(self) -> str:
@@ -154,10 +173,16 @@ class Scene:
         """Part of the plane that is shown: the drawing's, and what runs need beside it at first."""
         shapes = self.drawing.shapes
         moving = sorted({i for shape in shapes if shape.role in MOVING for i in shape.points})
-        shifted = [self.points + self.magnification * self.deviation(run) for run in self.runs]
-        xy = np.concatenate([self.points, *shifted])[:, moving].reshape(-1, 2)
-        most, margin = _WIDER * self.drawing.size, _MARGIN * self.drawing.size
+        shifted: list[FloatArray] = []
         least, greatest = np.array(self.drawing.box).reshape(2, 2)
+        most, margin = _WIDER * self.drawing.size, _MARGIN * self.drawing.size
+        for run in self.runs:
+            points = self.points + self.factor(run) * self.deviation(run)
+            shifted.append(points)
+            if not run.compared:  # all of it is seen
+                least = np.minimum(least, np.nanmin(points[:, moving], axis=(0, 1)) - margin)
+                greatest = np.maximum(greatest, np.nanmax(points[:, moving], axis=(0, 1)) + margin)
+        xy = np.concatenate([self.points, *shifted])[:, moving].reshape(-1, 2)
         low = np.maximum(np.nanmin(xy, axis=0) - margin, least - most)
         high = np.minimum(np.nanmax(xy, axis=0) + margin, greatest + most)
         left, lower = np.minimum(least, low).tolist()
@@ -184,9 +209,15 @@ class Scene:
         return np.append(np.concatenate(times), self.t[-1])
 
     def at(
-        self, time: FloatArray, run: RunMotion | None = None, magnification: float = 1.0
+        self, time: FloatArray, run: RunMotion | None = None, magnified: bool = False
     ) -> FloatArray:
-        """Positions of all points [m] at instants [s], (n, n_points, 2); a run's magnified."""
+        """Positions of all points [m] at instants [s], (n, n_points, 2).
+
+        Args:
+            time: the instants.
+            run: the reference, if left out.
+            magnified: whether the deviations of the run are.
+        """
         q = self.states(time)
         xy = self.drawing.positions(q)
         if run is None:
@@ -194,7 +225,11 @@ class Scene:
         shift = self.drawing.deviations(q, _linear(time, self.t, run.d))
         for name, aside in run.aside.items():
             shift[:, self.drawing.markers[name]] += _linear(time, self.t, aside)
-        return xy + magnification * shift
+        return xy + (self.factor(run) if magnified else 1.0) * shift
+
+    def factor(self, run: RunMotion) -> float:
+        """Factor by which a run's deviations are magnified: those from another start are not."""
+        return self.magnification if run.compared else 1.0
 
     def deviation(self, run: RunMotion) -> FloatArray:
         """Deviation of a run's points from the reference's [m], shape (n, n_points, 2)."""
@@ -213,7 +248,7 @@ class Scene:
         """Factor by which deviations are magnified at first."""
         if self.magnify is not None:
             return self.magnify
-        errors = [self.error(run) for run in self.runs]
+        errors = [self.error(run) for run in self.runs if run.compared]
         known = [float(np.nanmax(error)) for error in errors if np.isfinite(error).any()]
         largest = max(known, default=0.0)
         if largest == 0:
@@ -238,12 +273,14 @@ def scene(
     name: str = "",
     notes: str = "",
     magnify: float | None = None,
+    label: str = "reference",
+    horizon: float | None = None,
 ) -> Scene:
     """The data of an animation.
 
     Args:
         states: the reference motion, at any times or as a trajectory.
-        runs: of engines on the same mechanism, by label.
+        runs: of engines on the same mechanism, by label; from another start, too.
         end: of what is shown [s]; of a trajectory its own where left out.
         thrown: marker whose launch is an event, where there is one of that name.
         launch: the reference's [s]; found on its frames where left out.
@@ -251,6 +288,8 @@ def scene(
         notes: a sentence below the picture.
         magnify: by what deviations are magnified at first; chosen so that they are seen where left
             out.
+        label: name of the motion that the runs are drawn over.
+        horizon: time from which on it cannot be predicted [s]; None: it can.
 
     Raises:
         InputError: there is no end, the magnification is below 1, or a run is of another mechanism.
@@ -264,18 +303,18 @@ def scene(
         raise InputError(f"end = {end!r} s must be positive: an animation needs some time to show.")
     first = states(np.array([0.0]))
     mechanism = first.mechanism
-    for label, run in runs.items():
+    for own_label, run in runs.items():
         if run.trajectory.mechanism.coordinates != mechanism.coordinates:
             raise InputError(
-                f"run {label!r} is of another mechanism than the reference, and cannot be drawn "
-                "over it."
+                f"run {own_label!r} is of another mechanism than the reference, and cannot be "
+                "drawn over it."
             )
     thrown = thrown if thrown in first.markers else None
     numbers = len(first.q[0]) * (len(runs) + 1)  # of a frame
     releases = [time for time in first.release_times.values() if time is not None]
     known = [time for time in (*releases, *(t for t, _ in first.impacts)) if 0 < time <= end]
     t = _grid(end, known, numbers)
-    trajectories = {label: run.trajectory for label, run in runs.items()}
+    trajectories = {own_label: run.trajectory for own_label, run in runs.items()}
     events = events_of(states(t), trajectories, end, thrown, launch)
     # Launches and impacts of the reference are known only now.
     if any(event.time not in t for event in events):
@@ -288,11 +327,33 @@ def scene(
         return states(np.frombuffer(times))
 
     motions = tuple(
-        _motion_of(label, run, lambda samples: at_samples(samples.tobytes()), drawing, t)
-        for label, run in runs.items()
+        _motion_of(own_label, run, lambda samples: at_samples(samples.tobytes()), drawing, t)
+        for own_label, run in runs.items()
     )
     name = name or mechanism.name
-    return Scene(name, drawing, t, reference, motions, events, notes=notes, magnify=magnify)
+    shown = Scene(
+        name, drawing, t, reference, motions, events, notes=notes, magnify=magnify, label=label,
+        horizon=None if horizon is None or horizon >= end else horizon,
+    )  # fmt: skip
+    return dataclasses.replace(shown, notes=" ".join(filter(None, (notes, shown.warning))))
+
+
+def starts_alike(one: Mechanism, other: Mechanism) -> bool:
+    """Tell whether two mechanisms begin in the same state."""
+    return all(map(np.array_equal, initial_state(one), initial_state(other)))
+
+
+def _begins_elsewhere(one: Mechanism, other: Mechanism, size: float) -> bool:
+    """Tell whether a mechanism begins in another state than another one, and is the same else.
+
+    Where it is not, as its stops are placed by its start, its start must be seen to be another.
+    """
+    if starts_alike(one, other):
+        return False
+    start = {"start": other.start, "start_speeds": other.start_speeds}
+    apart = np.abs(np.array(one.start) - np.array(other.start))
+    apart[len(one.angles) :] /= size
+    return one.model_copy(update=start) == other or bool(apart.max() > _SEEN)
 
 
 def _grid(end: float, events: list[float], numbers: int) -> FloatArray:
@@ -343,7 +404,8 @@ def _motion_of(
     for recorded in (trajectory.stop_torques, trajectory.joint_reactions):
         known = [name for name, values in recorded.items() if np.isfinite(values).any()]
         loads.append({name: at_frames(recorded[name][samples]) for name in known})
-    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, *loads)
+    compared = not _begins_elsewhere(trajectory.mechanism, reference.mechanism, drawing.size)
+    return RunMotion(name, run.colour, run.dashed, at_frames(d), aside, *loads, compared=compared)
 
 
 def _linear(t: FloatArray, samples: FloatArray, values: FloatArray) -> FloatArray:

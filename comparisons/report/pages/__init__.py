@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import escape
 
-from ....engines.presets import ASSISTED
 from ....models.errors import InputError
 from ....models.files import write_text
 from ....models.shown import Reported
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from ..drawing.animation import Animation
 
 _HEIGHT = 640  # of a report's frame [px]
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 
 
 @cache
@@ -74,16 +72,11 @@ def animation(reference: Trajectory, others: Sequence[Trajectory]) -> Animation:
     Raises:
         InputError: another one is of another mechanism.
     """
+    from ...runs.runner import horizon_of
     from ..drawing.animation import Animation
-    from ..drawing.scene import RunLook, scene
+    from ..plots import motions_scene
 
-    looks: dict[str, RunLook] = {}
-    for k, other in enumerate(others):
-        run = other.provenance
-        label = f"{run.engine} {run.preset}"
-        label = f"{label} ({k + 1})" if label in looks else label
-        looks[label] = RunLook(other, _COLOURS[k % len(_COLOURS)], run.preset != ASSISTED)
-    shown = scene(reference, looks)
+    shown = motions_scene(reference, others, horizon_of([reference, *others]))
     return Animation((shown,), f"{shown.mechanism_title}: the motion")
 
 

@@ -278,6 +278,7 @@ def _scenes(comparison: Comparison) -> tuple[Scene, ...]:
         scenes.append(plots.motion_scene(
             states, _trajectories(comparison, machine), end=machine.compared_to,
             thrown=machine.thrown, launch=machine.launch_time, name=machine.model,
+            horizon=machine.judged_to,
         ))  # fmt: skip
     return tuple(scenes)
 

@@ -12,11 +12,10 @@ from ....models.arrays import FloatArray
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import Certificate
 from ...runs.balance import sampled_balance
-from ...runs.runner import Farthest
+from ...runs.runner import Farthest, horizon_of
 from .. import document as doc
 from ..document import format_number, format_settings, sentence
-from ..drawing.scene import scene
-from ..plots import Axis, Plot, Series, Style
+from ..plots import Axis, Plot, Series, Style, motions_scene
 from .tables import certified_figures
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -50,7 +49,7 @@ def document(trajectory: Trajectory) -> doc.Document:
         if quantities:
             series = _lines({label: (t, values) for label, values in quantities.items()})
             plots.append(Plot(Axis("t", "s"), Axis(name, unit), series, name))
-    motion = doc.AnimationBlock(lambda: (scene(trajectory),))
+    motion = doc.AnimationBlock(lambda: (motions_scene(trajectory, (), horizon_of([trajectory])),))
     figure = doc.Figure(tuple(plots), "The run", caption, "run", columns=2)
     blocks = (*shown.blocks, motion, figure)
     return replace(shown, blocks=blocks, window=f"trebucheck: {shown.title}")

@@ -334,11 +334,12 @@
       this.motion = this.motions[index] ||= new Motion(this.scenes[index]);
       const { data, end } = this.motion;
       for (const button of root.querySelectorAll("[data-scene]")) button.setAttribute("aria-pressed", String(+button.dataset.scene === index));
-      this.canvas.setAttribute("aria-label", `${data.name}, drawn in motion: the reference and ${this.motion.runs.length} runs over it`);
+      this.canvas.setAttribute("aria-label", `${data.name}, drawn in motion: ${data.label} and ${this.motion.runs.length} runs over it`);
       root.querySelector(".animation-notes").textContent = data.notes;
       Object.assign(this.bar, { max: end, value: 0 });
       this.magnify.value = data.magnification;
-      this.magnify.closest("label").hidden = root.querySelector(".animation-runs").hidden = !this.motion.runs.length;
+      root.querySelector(".animation-runs").hidden = !this.motion.runs.length;
+      this.magnify.closest("label").hidden = !this.motion.runs.some((run) => run.compared);
       this.shown = new Map([[undefined, true], ...this.motion.runs.map((run) => [run, true])]);
       this.list();
       this.solvers();
@@ -353,11 +354,11 @@
       this.rows.replaceChildren(...[...this.shown.keys()].map((run) => {
         const row = document.createElement("tr");
         row.innerHTML = `<td><label><input type="checkbox" checked> <svg width="30" height="10" aria-hidden="true"><line x1="1" y1="5" x2="29" y2="5"/></svg> <span></span></label></td><td class="animation-number"></td>`;
-        row.querySelector("span").textContent = run ? run.name : "reference";
+        row.querySelector("span").textContent = run ? run.name : this.motion.data.label;
         const line = row.querySelector("line");
         line.style.stroke = run ? run.colour : "var(--a-body)";
-        line.style.strokeWidth = run ? 2.5 : 7;
-        if (run?.dashed) line.style.strokeDasharray = "6 4";
+        line.style.strokeWidth = run?.compared ? 2.5 : 7;
+        if (run?.compared && run.dashed) line.style.strokeDasharray = "6 4";
         row.querySelector("input").addEventListener("change", (event) => { this.shown.set(run, event.target.checked); this.draw(); });
         return row;
       }));
@@ -365,7 +366,7 @@
     /* Whose forces can be drawn: those of the reference, and of every run that tells some. */
     solvers() {
       const telling = this.motion.runs.filter((run) => run.forces || run.torques);
-      this.solver.replaceChildren(new Option("reference", ""), ...telling.map((run) => new Option(run.name, run.name)), new Option("all that are shown", "*"));
+      this.solver.replaceChildren(new Option(this.motion.data.label, ""), ...telling.map((run) => new Option(run.name, run.name)), new Option("all that are shown", "*"));
       this.solver.closest("label").hidden = !telling.length;
     }
     get telling() {
@@ -384,9 +385,14 @@
       const row = (cells) => { const made = document.createElement("tr"); made.append(...cells); return made; };
       details.hidden = !data.events.length;
       const head = document.createElement("thead"), body = document.createElement("tbody");
-      head.append(row([cell("th", "event", "col"), cell("th", "reference [s]", "col"), ...data.runs.map((run) => cell("th", `${run.name} later by [s]`, "col"))]));
-      const text = (event, time) => time == null ? "–" : event.reference == null ? `at ${time.toPrecision(6)}` : digits(time - event.reference);
-      body.append(...data.events.map((event) => row([cell("th", event.name, "row"), cell("td", event.reference == null ? "–" : event.reference.toPrecision(9)), ...data.runs.map((run) => cell("td", text(event, event.runs[run.name])))])));
+      head.append(row([cell("th", "event", "col"), cell("th", `${data.label} [s]`, "col"), ...data.runs.map((run) => cell("th", run.compared ? `${run.name} later by [s]` : `${run.name} [s]`, "col"))]));
+      const text = (event, run) => {
+        const time = event.runs[run.name];
+        if (time == null) return "–";
+        if (!run.compared) return time.toPrecision(9);
+        return event.reference == null ? `at ${time.toPrecision(6)}` : digits(time - event.reference);
+      };
+      body.append(...data.events.map((event) => row([cell("th", event.name, "row"), cell("td", event.reference == null ? "–" : event.reference.toPrecision(9)), ...data.runs.map((run) => cell("td", text(event, run)))])));
       details.querySelector("table").replaceChildren(head, body);
     }
     /* Names of events below the bar, in up to three rows; where there is no room, the tick alone. */
@@ -447,8 +453,10 @@
     }
     /* To two digits, as it is shown. */
     get magnification() { return +(10 ** +this.magnify.value).toPrecision(2); }
+    /* From another start a motion is drawn as it is. */
+    factorOf(run) { return run.compared ? this.magnification : 1; }
     runPoints(run, at, reference) {
-      const deviations = this.motion.deviations(run, at), { magnification } = this;
+      const deviations = this.motion.deviations(run, at), magnification = this.factorOf(run);
       return [deviations, reference.map((value, i) => value + magnification * deviations[i])];
     }
     draw() {
@@ -463,7 +471,8 @@
       this.bar.value = time;
       this.bar.setAttribute("aria-valuetext", `${time.toPrecision(4)} seconds`);
       const places = Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(motion.end))));
-      this.clock.textContent = `${time.toFixed(places)} s`;
+      const lost = data.horizon !== null && time > data.horizon;
+      this.clock.textContent = `${time.toFixed(places)} s${lost ? ", not predictable" : ""}`;
       const factor = this.magnification;
       this.factor.textContent = `× ${factor.toLocaleString("en")}`;
       this.magnify.setAttribute("aria-valuetext", this.factor.textContent);
@@ -474,9 +483,14 @@
     thinner(i, least, step) { return Math.max(least + step * Math.min(this.motion.runs.length - 1 - i, 7) * Math.min(1, this.pencil.width / 800), 1); }
     drawRun(run, at, reference, cell, width) {
       const { pencil, motion } = this, [deviations, xy] = this.runPoints(run, at, reference), error = motion.error(deviations);
-      const text = digits(error);
+      const text = run.compared ? digits(error) : "another start";
       if (cell.textContent !== text) cell.textContent = text;
       if (!this.shown.get(run) || Number.isNaN(deviations[0])) return;
+      if (!run.compared) {
+        const colours = { ...this.colours, body: run.colour, mass: run.colour, rope: run.colour };
+        for (const shape of motion.data.shapes) pencil.shape(shape, xy, colours, 1);
+        return;
+      }
       for (const shape of motion.data.shapes) {
         if (!shape[6]) continue;
         pencil.trace(shape, xy);
@@ -485,10 +499,10 @@
       }
     }
     drawTraces(at) {
-      const { motion, pencil } = this, c = pencil.context, reference = motion.trace(), { magnification } = this, later = motion.fine.findIndex(([i, part]) => i > at[0] || (i === at[0] && part > at[1])), last = later < 0 ? motion.fine.length - 1 : later - 1;
+      const { motion, pencil } = this, c = pencil.context, reference = motion.trace(), later = motion.fine.findIndex(([i, part]) => i > at[0] || (i === at[0] && part > at[1])), last = later < 0 ? motion.fine.length - 1 : later - 1;
       for (const [run, shown] of this.shown) {
         if (!shown) continue;
-        const width = run ? this.thinner(motion.runs.indexOf(run), 0.9, 0.45) : 1.6;
+        const width = run?.compared ? this.thinner(motion.runs.indexOf(run), 0.9, 0.45) : 1.6, magnification = run ? this.factorOf(run) : 1;
         const paths = motion.trace(run);
         const now = run ? this.runPoints(run, at, motion.positions(at))[1] : motion.positions(at);
         paths.forEach((path, m) => {
@@ -500,7 +514,7 @@
           }
           c.lineTo(pencil.x(now[2 * p]), pencil.y(now[2 * p + 1]));
           c.globalAlpha = run ? 0.75 : 0.9;
-          pencil.stroke(run ? run.colour : this.colours.soft, width, run?.dashed ? [6, 5] : []);
+          pencil.stroke(run ? run.colour : this.colours.soft, width, run?.compared && run.dashed ? [6, 5] : []);
           c.globalAlpha = 1;
         });
       }
@@ -547,7 +561,7 @@
     /* Where a marker is, in metres: of the reference, or of a run with its deviation as it is or magnified. */
     position(marker, name, magnified) {
       const at = this.motion.locate(this.time), p = this.motion.data.markers[marker], run = this.runNamed(name), xy = this.motion.positions(at);
-      const d = run ? this.motion.deviations(run, at) : null, k = magnified ? this.magnification : 1;
+      const d = run ? this.motion.deviations(run, at) : null, k = run && magnified ? this.factorOf(run) : 1;
       return [0, 1].map((axis) => xy[2 * p + axis] + (d ? k * d[2 * p + axis] : 0));
     }
     hook() {
