@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 import trebucheck as tb
@@ -461,6 +462,70 @@ def test_a_trajectory_plays_in_a_notebook_with_others_over_it() -> None:
     )
 
 
+@cache
+def _swing(*start: float, engine: str = "reference") -> Trajectory:
+    """A double pendulum from a start, by an engine."""
+    mechanism = tb.model("double-pendulum", start=start)
+    motion = solve(tb.Problem(mechanism, 2.2)).trajectory(np.linspace(0.0, 2.2, 441))
+    made = dataclasses.replace(motion.provenance, engine=engine, preset="default")
+    return dataclasses.replace(motion, provenance=made)
+
+
+def test_motions_from_other_starts_are_drawn_alike_and_named_by_their_starts() -> None:
+    first, other = _swing(-0.5, -0.5), _swing(1.0, -0.5)
+    shown = first.animate(other, _swing(0.5, 0.5, engine="mine")).scenes[0]
+    assert shown.label == "reference, start a1 = -0.5 rad, a2 = -0.5 rad"
+    assert [run.name for run in shown.runs] == [
+        "reference, start a1 = 1 rad",
+        "mine default, start a1 = 0.5 rad, a2 = 0.5 rad",
+    ]
+    assert len({run.colour for run in shown.runs}) == 2
+    # They are no runs that deviate from the first one, and nothing is magnified.
+    assert not any(run.compared for run in shown.runs) and shown.magnification == 1.0
+    t, marker = np.linspace(0.0, 2.2, 441), shown.drawing.markers["tip"]
+    drawn = shown.at(t, shown.runs[0], 1000.0)[:, marker]
+    np.testing.assert_allclose(drawn, other.marker("tip").position, rtol=0, atol=5e-3)
+    left, lower, right, upper = shown.box
+    x, y = other.marker("tip").position.T
+    assert (left < x).all() and (x < right).all() and (lower < y).all() and (y < upper).all()
+    # The same shapes of the same sizes, in another colour.
+    stage = Stage(shown)
+    stage.show(0.7)
+    widths: dict[str, list[float]] = {}
+    for patch in stage.stage.patches:
+        colour = mpl.colors.to_hex(patch.get_edgecolor())
+        widths.setdefault(colour, []).append(patch.get_linewidth())
+    bodies = [widths[colour] for colour in (PALETTE["body"], *(r.colour for r in shown.runs))]
+    assert len(bodies[0]) == 2 and bodies[1:] == bodies[:1] * 2
+
+
+def test_what_others_deviate_from_is_the_reference_s_own() -> None:
+    own, mine = _swing(-0.5, -0.5), _swing(-0.5, -0.5, engine="mine")
+    for first, other in ((mine, own), (own, mine)):
+        shown = first.animate(other).scenes[0]
+        assert shown.label == "reference" and [run.name for run in shown.runs] == ["mine default"]
+        assert shown.runs[0].compared
+    assert mine.animate().scenes[0].label == "mine default"
+    again = own.animate(*(dataclasses.replace(own) for _ in range(2))).scenes[0]
+    assert [run.name for run in again.runs] == [
+        "another run of the reference", "another run of the reference (2)",
+    ]  # fmt: skip
+
+
+def test_a_motion_beyond_its_horizon_has_a_warning() -> None:
+    chaotic, tame = _swing(-0.5, -0.5).animate(), _swing(1.5, 1.6).animate()
+    shown = chaotic.scenes[0]
+    assert shown.horizon is not None and 1.0 < shown.horizon < 2.2
+    assert f"{shown.horizon:.4g} s" in shown.warning and shown.warning in shown.notes
+    assert scene_data(shown)["horizon"] == shown.horizon
+    stage = Stage(shown)
+    said = " ".join(text.get_text() for text in stage.legend.texts)
+    assert shown.warning in said
+    assert not tame.scenes[0].warning and not Stage(tame.scenes[0]).legend.texts
+    # It is that of any motion that is drawn.
+    assert _swing(1.5, 1.6).animate(_swing(-0.5, -0.5)).scenes[0].horizon == shown.horizon
+
+
 # --- The command
 # --------------------------------------------------------------------------------------------------
 
@@ -525,6 +590,11 @@ def test_animate_writes_a_problem_s_motion_and_that_of_files(
         main(["animate", "--from", str(tmp_path / "kept"), "--out", str(tmp_path / "motion.html")])
         == 0
     )
+    for k, start in enumerate(((-0.5, -0.5), (1.0, 2.0))):
+        save(_swing(*start), tmp_path / "two" / f"{k}.nc")
+    out = tmp_path / "two.svg"
+    assert main(["animate", "--from", str(tmp_path / "two"), "--at", "1", "--out", str(out)]) == 0
+    assert "start a1 = 1 rad, a2 = 2 rad" in out.read_text()
     assert "motion.html" in capsys.readouterr().out
     assert "holds those of: fixed" in refused(
         "animate",

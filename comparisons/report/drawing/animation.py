@@ -335,7 +335,7 @@ class Stage:
         # Positions of the compared points of the reference and each run at the fine instants [m].
         self._paths: list[tuple[RunMotion | None, ComplexArray]] = []
         for run in (None, *scene.runs):
-            xy = scene.at(scene.fine, run, magnified=True)[:, self._marked]
+            xy = scene.at(scene.fine, run, scene.magnification)[:, self._marked]
             self._paths.append((run, xy[..., 0] + 1j * xy[..., 1]))
         self._zorder = 0
 
@@ -393,7 +393,7 @@ class Stage:
 
     def points(self, time: float, run: RunMotion | None = None) -> ComplexArray:
         """Positions of all points [m], of a run with its deviations magnified."""
-        xy = self.scene.at(np.array([time]), run, magnified=True)[0]
+        xy = self.scene.at(np.array([time]), run, self.scene.magnification)[0]
         return xy[:, 0] + 1j * xy[:, 1]
 
     def pixels(self, z: ComplexArray) -> ComplexArray:

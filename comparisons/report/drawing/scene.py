@@ -177,11 +177,13 @@ class Scene:
         least, greatest = np.array(self.drawing.box).reshape(2, 2)
         most, margin = _WIDER * self.drawing.size, _MARGIN * self.drawing.size
         for run in self.runs:
-            points = self.points + self.factor(run) * self.deviation(run)
-            shifted.append(points)
-            if not run.compared:  # all of it is seen
-                least = np.minimum(least, np.nanmin(points[:, moving], axis=(0, 1)) - margin)
-                greatest = np.maximum(greatest, np.nanmax(points[:, moving], axis=(0, 1)) + margin)
+            deviation = self.deviation(run)
+            if run.compared:
+                shifted.append(self.points + self.magnification * deviation)
+            else:  # all of it is seen
+                there = (self.points + deviation)[:, moving]
+                least = np.minimum(least, np.nanmin(there, axis=(0, 1)) - margin)
+                greatest = np.maximum(greatest, np.nanmax(there, axis=(0, 1)) + margin)
         xy = np.concatenate([self.points, *shifted])[:, moving].reshape(-1, 2)
         low = np.maximum(np.nanmin(xy, axis=0) - margin, least - most)
         high = np.minimum(np.nanmax(xy, axis=0) + margin, greatest + most)
@@ -209,14 +211,11 @@ class Scene:
         return np.append(np.concatenate(times), self.t[-1])
 
     def at(
-        self, time: FloatArray, run: RunMotion | None = None, magnified: bool = False
+        self, time: FloatArray, run: RunMotion | None = None, magnification: float = 1.0
     ) -> FloatArray:
-        """Positions of all points [m] at instants [s], (n, n_points, 2).
+        """Positions of all points [m] at instants [s], (n, n_points, 2); a run's magnified.
 
-        Args:
-            time: the instants.
-            run: the reference, if left out.
-            magnified: whether the deviations of the run are.
+        A motion from another start is not magnified.
         """
         q = self.states(time)
         xy = self.drawing.positions(q)
@@ -225,11 +224,9 @@ class Scene:
         shift = self.drawing.deviations(q, _linear(time, self.t, run.d))
         for name, aside in run.aside.items():
             shift[:, self.drawing.markers[name]] += _linear(time, self.t, aside)
-        return xy + (self.factor(run) if magnified else 1.0) * shift
-
-    def factor(self, run: RunMotion) -> float:
-        """Factor by which a run's deviations are magnified: those from another start are not."""
-        return self.magnification if run.compared else 1.0
+        if run.compared:
+            shift *= magnification
+        return xy + shift
 
     def deviation(self, run: RunMotion) -> FloatArray:
         """Deviation of a run's points from the reference's [m], shape (n, n_points, 2)."""
