@@ -98,7 +98,7 @@ class Plugin:
                 )
         self.stage("matrix", self.matrix, always=True)
         conform = [
-            *self.trebucheck("conform", f"{self.name}/tuned"),
+            *self.trebucheck("conform", f"{self.name}/assisted"),
             "--out",
             str(self.folder / "conformance"),
         ]

@@ -64,49 +64,49 @@ class Steps:
 
 
 OWN = (
-    Steps("dart", "stock", 4e-3, limits=Limits()),
+    Steps("dart", "default", 4e-3, limits=Limits()),
     # Its joint sensors are wrong in motion, its own solver of the limits ends too early; see its
     # README.
     Steps(
         "pybullet",
-        "stock",
+        "default",
         4e-3,
         limits=Limits({"solver_iterations": 500, "solver_threshold": 0.0}),
         forces=False,
     ),
-    Steps("pinocchio", "stock", 2e-3),
-    Steps("drake", "stock", 2e-3),
+    Steps("pinocchio", "default", 2e-3),
+    Steps("drake", "default", 2e-3),
 )
 """Those of first order."""
 SINGLE = (
     # Releases: two steps by the scheme and its end, and three in which the torque falls through
     # what rounding leaves of it. Torques: a step's change of speed in single precision, 1e3 times
     # by the matrix of pin and limit. Positions: first order, 1e-2 m at this step.
-    Steps("box2d", "tuned", 8e-3, limits=Limits(release=5e-3, torque=2e-2, position=1e-2)),
+    Steps("box2d", "assisted", 8e-3, limits=Limits(release=5e-3, torque=2e-2, position=1e-2)),
     # Releases: speeds of some 5e-3 rad/s are the rounding of a limit; the opening gap has that
     # speed after 1e-2 s. Positions: 6e-3 m at 8 ms are 7e-4 m at 1 ms; and a thousandth of a mass
     # in the slot, on 20 m of way.
     Steps(
         "rapier",
-        "tuned",
+        "assisted",
         16e-3,
         limits=Limits(release=1e-2, torque=None, position=5e-3),
         forces=False,
     ),
-    Steps("rapier", "stock", 16e-3, forces=False),
+    Steps("rapier", "default", 16e-3, forces=False),
 )
 """Those of first order and single precision."""
 IMPULSES = (
     # Positions: up to 100 m/s times a step.
-    Steps("planck", "tuned", 4e-3, limits=Limits(position=1e-1)),
+    Steps("planck", "assisted", 4e-3, limits=Limits(position=1e-1)),
     # The forces of its first step, which begins without impulses of one before, are not there after
     # 8 iterations.
-    Steps("planck", "stock", 4e-3, forces=False),
+    Steps("planck", "default", 4e-3, forces=False),
 )
 """Those of first order by impulses in double precision."""
-MOVED = tuple(Steps(name, "tuned", 8e-3) for name in ("pinocchio", "dart", "pybullet", "mjx"))
+MOVED = tuple(Steps(name, "assisted", 8e-3) for name in ("pinocchio", "dart", "pybullet", "mjx"))
 """Those that RK4 moves."""
-EXACT = (*MOVED, *(Steps(name, "tuned", 1e-3) for name in ("drake", "opensim")))
+EXACT = (*MOVED, *(Steps(name, "assisted", 1e-3) for name in ("drake", "opensim")))
 
 
 def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:

@@ -21,9 +21,9 @@ from .study import STUDY
 
 
 class Box2DEngine(BuiltinEngine):
-    """Box2D's world; defaults are the tuned preset: many iterations a step, a margin of stops.
+    """Box2D's world; defaults are the assisted preset: many iterations a step, a margin of stops.
 
-    The stock preset has the iterations that Box2D's manual suggests, and limits where the stops
+    The default preset has the iterations that Box2D's manual suggests, and limits where the stops
     are.
 
     Raises:
@@ -44,7 +44,7 @@ class Box2DEngine(BuiltinEngine):
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         "velocity_iterations": 8,
         "position_iterations": 3,
         "set_back": 0.0,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -36,17 +37,24 @@ _TORQUE = "a step's change of speed in single precision, 1e3 times by the matrix
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(1.0, _REASON, _SCHEME),
-        "stock": StepOrder(1.0, _REASON, _SCHEME),
+        ASSISTED: StepOrder(1.0, _REASON, _SCHEME),
+        DEFAULT: StepOrder(1.0, _REASON, _SCHEME),
     },
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     single_precision=lambda _: True,
     tolerances=(
-        Tolerance("tuned", "position_max", 4e-2, 1e-3, 1, "first order: up to 40 m/s times a step"),
         Tolerance(
-            "tuned", "release_time", 5e-3, 1e-3, 1, "two steps by scheme and end, three by rounding"
+            ASSISTED, "position_max", 4e-2, 1e-3, 1, "first order: up to 40 m/s times a step"
         ),
-        Tolerance("tuned", "stop_torque_max", 2e-2, 1e-3, 1, _TORQUE, per="peak"),
+        Tolerance(
+            ASSISTED,
+            "release_time",
+            5e-3,
+            1e-3,
+            1,
+            "two steps by scheme and end, three by rounding",
+        ),
+        Tolerance(ASSISTED, "stop_torque_max", 2e-2, 1e-3, 1, _TORQUE, per="peak"),
     ),
     title="Box2D",
     binding="the Python wheel `box2d`, in single precision",

@@ -21,13 +21,13 @@ from .study import STUDY
 
 
 class DartEngine(BuiltinEngine):
-    """A skeleton of DART's; the defaults are the tuned preset.
+    """A skeleton of DART's; the defaults are the assisted preset.
 
-    Tuned, its mass matrix and its Coriolis and gravity forces are moved by RK4, stops and joints
+    Assisted, its mass matrix and its Coriolis and gravity forces are moved by RK4, stops and joints
     that close loops are constraint multipliers on them, and events are located by trebucheck's
     driver.
 
-    The stock preset is `World.step` with DART's joint limits, every other setting DART's default.
+    The default preset is `World.step` with DART's joint limits, every other setting DART's default.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -42,10 +42,10 @@ class DartEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints; its dynamics in RK4, stops and loops by multipliers "
-        "(stock: semi-implicit Euler, joint limits as velocity constraints)",
+        "(default: semi-implicit Euler, joint limits as velocity constraints)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
+    default_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}
 
     mode: Literal["dynamics", "step"] = Field(
         default="dynamics",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -36,8 +37,8 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={"tuned": RK4_LOCATED, "stock": EULER_STEPS},
-    option_sets=(STOCK_SET, TUNED_SET),
+    step_orders={ASSISTED: RK4_LOCATED, DEFAULT: EULER_STEPS},
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     tolerances=(*located_tolerances(), *EULER_TOLERANCES),
     title="DART",
     binding="the Python wheel `dartpy`",

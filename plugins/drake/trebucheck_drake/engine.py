@@ -20,15 +20,15 @@ from .study import STUDY
 
 
 class DrakeEngine(BuiltinEngine):
-    """Drake's MultibodyPlant; the defaults are the tuned preset.
+    """Drake's MultibodyPlant; the defaults are the assisted preset.
 
-    Tuned, the plant is continuous and moved by an error-controlled integrator of Drake's. Such a
+    Assisted, the plant is continuous and moved by an error-controlled integrator of Drake's. Such a
     plant has no limits, no contacts without compliance and no constraints (Drake refuses them by a
     warning or an error), so that stops and joints that close loops are held by generalized forces
     from its mass matrix and accelerations, and events are located by trebucheck's driver.
 
-    The stock preset is the discrete plant that Drake's documentation leads to, with joint limits (a
-    compliant penalty of Drake's choice) and ball and weld constraints of its own.
+    The default preset is the discrete plant that Drake's documentation leads to, with joint limits
+    (a compliant penalty of Drake's choice) and ball and weld constraints of its own.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -44,11 +44,11 @@ class DrakeEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints; continuous: error-controlled Runge-Kutta, stops and "
-        "loops by multipliers (stock: discrete, joint limits as compliant constraints, "
+        "loops by multipliers (default: discrete, joint limits as compliant constraints, "
         "semi-implicit Euler)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"mode": "discrete"}
+    default_options: ClassVar[Mapping[str, object] | None] = {"mode": "discrete"}
 
     mode: Literal["continuous", "discrete"] = Field(
         default="continuous", description="the plant: continuous, or with time steps of its own"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -37,10 +38,10 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": error_controlled("RK5 (Dormand-Prince): the step is only an upper bound"),
-        "stock": EULER_STEPS,
+        ASSISTED: error_controlled("RK5 (Dormand-Prince): the step is only an upper bound"),
+        DEFAULT: EULER_STEPS,
     },
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     tolerances=located_tolerances(
         5, "error-controlled Runge-Kutta of order 5, at most 1 ms a step, an accuracy of 1e-10"
     ),

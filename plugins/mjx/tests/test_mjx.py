@@ -25,7 +25,7 @@ def _run(problem: tb.Problem, preset: str, step: float) -> tuple[float, float]:
 
 
 def test_single_precision_has_its_floor() -> None:
-    positions, forces = _run(tb.Problem(FREE_SWING, duration=1.0), "stock", 2e-3)
+    positions, forces = _run(tb.Problem(FREE_SWING, duration=1.0), "default", 2e-3)
     assert 1e-7 < positions < 1e-3 and forces < 1e-3
 
 

@@ -25,13 +25,13 @@ _OF_MULTIPLIERS = frozenset(
 
 
 class MjxEngine(BuiltinEngine):
-    """MJX on the MJCF of trebucheck; the defaults are the tuned preset.
+    """MJX on the MJCF of trebucheck; the defaults are the assisted preset.
 
-    Tuned, in double precision, MJX moves the tree of joints by its RK4 while nothing is held.
+    Assisted, in double precision, MJX moves the tree of joints by its RK4 while nothing is held.
     Stops, loops and springs are multipliers and generalized forces from its mass matrix and
     accelerations, integrated by RK4 as well; events are located by trebucheck's driver.
 
-    The stock preset is MJX as it comes: single precision, joint limits that are soft constraints,
+    The default preset is MJX as it comes: single precision, joint limits that are soft constraints,
     RK4.
 
     Raises:
@@ -48,10 +48,13 @@ class MjxEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints, RK4, double precision; stops, loops and springs by "
-        "multipliers (stock: single precision, stops as soft limits)",
+        "multipliers (default: single precision, stops as soft limits)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"limits": "soft", "precision": "single"}
+    default_options: ClassVar[Mapping[str, object] | None] = {
+        "limits": "soft",
+        "precision": "single",
+    }
 
     limits: Literal["multipliers", "soft"] = Field(
         default="multipliers",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -23,7 +24,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
         Cause(
             "soft limits",
-            "stops are springs with dampers of MuJoCo's stock stiffness, which give way",
+            "stops are springs with dampers of MuJoCo's default stiffness, which give way",
             Intervention({"limits": "multipliers"}),
         ),
         Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"})),
@@ -34,12 +35,12 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": RK4_LOCATED,
-        "stock": StepOrder(
+        ASSISTED: RK4_LOCATED,
+        DEFAULT: StepOrder(
             None, "RK4 in single precision: its floor, and soft limits", RK4_LOCATED.scheme
         ),
     },
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     tolerances=located_tolerances(),
     title="MJX",
     binding="the Python wheel `mujoco-mjx`",
@@ -54,5 +55,6 @@ STUDY = EngineStudy(
         would_change="An adapter that writes loops as equalities and stops on points as "
         "contacts, as that of MuJoCo does.",
     ),
+    single_precision=lambda settings: settings["precision"] == "single",
     colour="#6a3d9a",
 )

@@ -23,16 +23,16 @@ def _error(preset: str, step: float) -> float:
 
 
 def test_featherstone_is_of_first_order() -> None:
-    assert np.log2(_error("stock", 8e-3) / _error("stock", 4e-3)) == pytest.approx(1.0, abs=0.2)
+    assert np.log2(_error("default", 8e-3) / _error("default", 4e-3)) == pytest.approx(1.0, abs=0.2)
 
 
 def test_mujoco_is_at_the_floor_of_single_precision() -> None:
     """A state of 10 rad is rounded by 5e-7 in each of 500 steps, at 16 m: sqrt(500) times, if the
     signs are random."""
-    assert _error("tuned", 4e-3) < np.sqrt(500) * 5e-7 * 16
+    assert _error("assisted", 4e-3) < np.sqrt(500) * 5e-7 * 16
 
 
-@pytest.mark.parametrize("preset", ["tuned", "stock"])
+@pytest.mark.parametrize("preset", ["assisted", "default"])
 @pytest.mark.parametrize("model", ["fixed", "rolling"])
 def test_its_limits_release_in_the_step_of_the_reference(model: str, preset: str) -> None:
     problem = tb.Problem(tb.model(model), duration=1.3)

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 
 class NewtonEngine(BuiltinEngine):
-    """An articulation of Newton's; the defaults are the tuned preset.
+    """An articulation of Newton's; the defaults are the assisted preset.
 
-    Tuned, it is moved by `SolverMuJoCo` on the processor, by RK4. The stock preset is
+    Assisted, it is moved by `SolverMuJoCo` on the processor, by RK4. The default preset is
     `SolverFeatherstone`.
 
     Raises:
@@ -45,12 +45,12 @@ class NewtonEngine(BuiltinEngine):
         located_releases=False,
         stop_laws=frozenset({StopLaw.RELEASE_ONCE}),
         formulation="minimal relative joints, state in single precision; MuJoCo's RK4, limits as "
-        "soft constraints (stock: Featherstone's algorithm by semi-implicit Euler, limits as "
+        "soft constraints (default: Featherstone's algorithm by semi-implicit Euler, limits as "
         "springs and dampers)",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND}),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"solver": "featherstone"}
+    default_options: ClassVar[Mapping[str, object] | None] = {"solver": "featherstone"}
 
     solver: Literal["mujoco", "featherstone"] = Field(
         default="mujoco", description="Newton's solver"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
-    STOCK_SET,
-    TUNED_SET,
+    ASSISTED_SET,
+    DEFAULT_SET,
     EngineStudy,
     MaintainersNote,
     StepOrder,
@@ -14,18 +15,18 @@ from trebucheck_toolkit.scheme_tables import EULER_STEPS, EULER_TOLERANCES
 
 STUDY = EngineStudy(
     step_orders={
-        "tuned": StepOrder(
+        ASSISTED: StepOrder(
             None,
             "MuJoCo's RK4 between states of single precision, whose floor it is at",
             "RK4, joint coordinates",
         ),
-        "stock": EULER_STEPS,
+        DEFAULT: EULER_STEPS,
     },
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     single_precision=lambda _: True,
     tolerances=(
         Tolerance(
-            "tuned",
+            ASSISTED,
             "release_time",
             2e-3,
             1e-3,

@@ -9,7 +9,7 @@ from trebucheck.reference.solver import solve
 FREE_SWING = tb.fixed().model_copy(update={"stops": ()})
 
 
-def _error(problem: tb.Problem, preset: str = "tuned", **options: object) -> float:
+def _error(problem: tb.Problem, preset: str = "assisted", **options: object) -> float:
     """Greatest distance of a marker from where it should be [m]."""
     found = tb.engine("opensim", preset, **options).simulate(problem)
     truth = solve(problem).trajectory(found.t)
@@ -30,11 +30,11 @@ def test_the_free_swing_follows_the_accuracy() -> None:
 
 def test_points_move_with_the_state() -> None:
     """States that are copied keep the places of their bodies in OpenSim."""
-    assert _error(tb.Problem(FREE_SWING, duration=0.2), "stock") < 1e-6
+    assert _error(tb.Problem(FREE_SWING, duration=0.2), "default") < 1e-6
 
 
 def test_limit_forces_hold_the_stops_softly() -> None:
-    assert 1e-4 < _error(tb.Problem(tb.fixed(), duration=1.0), "stock") < 0.1
+    assert 1e-4 < _error(tb.Problem(tb.fixed(), duration=1.0), "default") < 0.1
 
 
 def test_loops_and_springs() -> None:
@@ -44,4 +44,4 @@ def test_loops_and_springs() -> None:
             < 1e-6
         )
         with pytest.raises(tb.UnsupportedProblemError, match=r"no (loops of joints|springs)"):
-            tb.engine("opensim", "stock").simulate(benchmark(name).problem())
+            tb.engine("opensim", "default").simulate(benchmark(name).problem())

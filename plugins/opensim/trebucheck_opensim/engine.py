@@ -26,14 +26,14 @@ _OF_LOCKS = frozenset(
 
 
 class OpenSimEngine(BuiltinEngine):
-    """OpenSim's models of rigid bodies, which Simbody moves; the defaults are the tuned preset.
+    """OpenSim's models of rigid bodies, which Simbody moves; the defaults are the assisted preset.
 
-    Tuned, stops lock the coordinates that they are on, and Simbody's integrator moves the rest;
+    Assisted, stops lock the coordinates that they are on, and Simbody's integrator moves the rest;
     which stops hold is found by multipliers on Simbody's mass matrix and accelerations, events are
     located by trebucheck's driver. Where something else is held, or springs act, OpenSim's
     accelerations are integrated by RK4 instead.
 
-    The stock preset has OpenSim's `CoordinateLimitForce` for stops: springs with dampers, of a
+    The default preset has OpenSim's `CoordinateLimitForce` for stops: springs with dampers, of a
     stiffness of one's choice, and the accuracy of its forward tool.
 
     Raises:
@@ -49,11 +49,11 @@ class OpenSimEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="mobilizers (Simbody), stops as locked coordinates, error-controlled "
-        "Runge-Kutta-Merson; with loops or springs multipliers and RK4 (stock: stops as coordinate "
-        "limit forces)",
+        "Runge-Kutta-Merson; with loops or springs multipliers and RK4 (default: stops as "
+        "coordinate limit forces)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"limits": "springs", "accuracy": 1e-5}
+    default_options: ClassVar[Mapping[str, object] | None] = {"limits": "springs", "accuracy": 1e-5}
 
     integrator: Literal[
         "RungeKuttaMerson", "RungeKuttaFeldberg", "RungeKutta3", "SemiExplicitEuler2"

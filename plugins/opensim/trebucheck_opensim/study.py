@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -37,12 +38,12 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": error_controlled("Runge-Kutta-Merson: the step is only an upper bound"),
-        "stock": error_controlled(
+        ASSISTED: error_controlled("Runge-Kutta-Merson: the step is only an upper bound"),
+        DEFAULT: error_controlled(
             "Runge-Kutta-Merson, stops as springs: the step is only an upper bound"
         ),
     },
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     tolerances=located_tolerances(
         4,
         "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11",

@@ -22,7 +22,7 @@ def test_branches_are_added_depth_first() -> None:
     """With the bodies in the mechanism's order Pinocchio's mass matrix of two branches is wrong."""
     assert (
         _error(
-            benchmark("n-four-bar").problem().model_copy(update={"duration": 1.0}), "tuned", 2e-3
+            benchmark("n-four-bar").problem().model_copy(update={"duration": 1.0}), "assisted", 2e-3
         )
         < 1e-8
     )

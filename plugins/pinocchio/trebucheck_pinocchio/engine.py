@@ -19,15 +19,15 @@ from .study import STUDY
 
 
 class PinocchioEngine(BuiltinEngine):
-    """Pinocchio's forward dynamics in a time-stepping scheme; defaults are the tuned preset.
+    """Pinocchio's forward dynamics in a time-stepping scheme; defaults are the assisted preset.
 
     Accelerations are those of `aba`, the mass matrix that of `crba`, energies and points
     Pinocchio's, reactions the joint forces of `rnea` at the accelerations found. Stops and joints
     that close loops are held by constraint multipliers on these quantities; springs, dampers and
     motors are joint torques.
 
-    The stock preset is the loop of Pinocchio's examples: `v += a h; q = integrate(q, v h)`, a stop
-    let go at the end of the first step after which it would pull.
+    The default preset is the loop of Pinocchio's examples: `v += a h; q = integrate(q, v h)`, a
+    stop let go at the end of the first step after which it would pull.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -43,10 +43,10 @@ class PinocchioEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints (articulated-body algorithm), stops and loops by "
-        "multipliers, RK4 (stock: semi-implicit Euler, releases at a step's end)",
+        "multipliers, RK4 (default: semi-implicit Euler, releases at a step's end)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         "scheme": "semi-implicit Euler",
         "locate_releases": False,
     }

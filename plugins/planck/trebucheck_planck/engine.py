@@ -27,9 +27,9 @@ from .study import STUDY
 
 
 class PlanckEngine(BuiltinEngine):
-    """planck.js's world in Node.js; defaults are the tuned preset: short steps, small slops.
+    """planck.js's world in Node.js; defaults are the assisted preset: short steps, small slops.
 
-    The stock preset has the iterations and slops of planck.js, limits where the stops are, and
+    The default preset has the iterations and slops of planck.js, limits where the stops are, and
     steps of 1 ms.
 
     Raises:
@@ -49,7 +49,7 @@ class PlanckEngine(BuiltinEngine):
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {
+    default_options: ClassVar[Mapping[str, object] | None] = {
         "timestep": 1e-3,
         "first_iterations": 8,
         "velocity_iterations": 8,

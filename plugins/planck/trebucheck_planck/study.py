@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -47,17 +48,17 @@ _REASON = "semi-implicit Euler in Cartesian coordinates"
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(1.0, _REASON, _SCHEME),
-        "stock": StepOrder(1.0, _REASON, _SCHEME),
+        ASSISTED: StepOrder(1.0, _REASON, _SCHEME),
+        DEFAULT: StepOrder(1.0, _REASON, _SCHEME),
     },
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     tolerances=(
         Tolerance(
-            "tuned", "position_max", 1e-2, 1e-4, 1, "first order: up to 100 m/s times a step"
+            ASSISTED, "position_max", 1e-2, 1e-4, 1, "first order: up to 100 m/s times a step"
         ),
-        Tolerance("tuned", "release_time", 2e-4, 1e-4, 1, "two steps by scheme and end"),
+        Tolerance(ASSISTED, "release_time", 2e-4, 1e-4, 1, "two steps by scheme and end"),
         Tolerance(
-            "tuned",
+            ASSISTED,
             "stop_torque_max",
             1e-3,
             1e-4,

@@ -22,13 +22,13 @@ from .study import STUDY
 
 
 class PyBulletEngine(BuiltinEngine):
-    """Bullet's multibody; the defaults are the tuned preset.
+    """Bullet's multibody; the defaults are the assisted preset.
 
-    Tuned, its `calculateMassMatrix` and `calculateInverseDynamics` are moved by RK4, stops and
+    Assisted, its `calculateMassMatrix` and `calculateInverseDynamics` are moved by RK4, stops and
     joints that close loops are constraint multipliers on them, and events are located by
     trebucheck's driver.
 
-    The stock preset is `stepSimulation` with Bullet's joint limits, every other setting Bullet's
+    The default preset is `stepSimulation` with Bullet's joint limits, every other setting Bullet's
     default.
 
     Raises:
@@ -44,11 +44,11 @@ class PyBulletEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints; inverse dynamics in RK4, stops and loops by "
-        "multipliers (stock: semi-implicit Euler, joint limits as velocity constraints solved by "
+        "multipliers (default: semi-implicit Euler, joint limits as velocity constraints solved by "
         "iteration)",
         features=frozenset(Feature),
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"mode": "step"}
+    default_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}
 
     mode: Literal["dynamics", "step"] = Field(
         default="dynamics",

@@ -25,7 +25,7 @@ from .study import STUDY
 
 
 class RapierEngine(BuiltinEngine):
-    """Rapier's world with impulse joints in Node.js; the stock preset is Rapier's own defaults.
+    """Rapier's world with impulse joints in Node.js; the default preset is Rapier's own defaults.
 
     Its multibody joints are no choice: they have a damping of their own, which its interface cannot
     take out.
@@ -48,7 +48,7 @@ class RapierEngine(BuiltinEngine):
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
         features=frozenset(Feature) - {Feature.MOVING_WALL},
     )
-    stock_options: ClassVar[Mapping[str, object]] = {"substeps": 4, "passes": 1}
+    default_options: ClassVar[Mapping[str, object] | None] = {"substeps": 4, "passes": 1}
 
     substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
         default=8,

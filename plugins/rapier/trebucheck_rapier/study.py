@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
     HALF_THE_STEP,
     REFINEMENT,
-    STOCK_SET,
-    TUNED_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -32,14 +33,14 @@ _REASON = (
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        "tuned": StepOrder(1.0, _REASON, _SCHEME),
-        "stock": StepOrder(1.0, _REASON, _SCHEME),
+        ASSISTED: StepOrder(1.0, _REASON, _SCHEME),
+        DEFAULT: StepOrder(1.0, _REASON, _SCHEME),
     },
     refinements=(
         HALF_THE_STEP,
         Refinement("mass in slots", "a tenth of it", multiplied("carriage", 0.1)),
     ),
-    option_sets=(STOCK_SET, TUNED_SET),
+    option_sets=(DEFAULT_SET, ASSISTED_SET),
     single_precision=lambda _: True,
     title="Rapier",
     binding="the npm package `@dimforge/rapier2d-compat`, moved by Node.js, in single precision",

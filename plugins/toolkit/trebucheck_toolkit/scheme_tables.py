@@ -6,6 +6,7 @@ one agreement.
 
 from __future__ import annotations
 
+from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.engines.study import StepOrder, Tolerance
 
 RK4_LOCATED = StepOrder(
@@ -30,19 +31,19 @@ def error_controlled(method: str) -> StepOrder:
 def located_tolerances(
     order: int = 4, reason: str = "fourth order: RK4 with located releases"
 ) -> tuple[Tolerance, ...]:
-    """Tolerances of tuned presets of high order that locate events: for a step of 1 ms."""
+    """Tolerances of assisted presets of high order that locate events: for a step of 1 ms."""
     return (
-        Tolerance("tuned", "position_max", 1e-8, 1e-3, order, reason),
-        Tolerance("tuned", "release_time", 1e-9, 1e-3, order, reason),
-        Tolerance("tuned", "stop_torque_max", 1e-9, 1e-3, order, reason, per="peak"),
+        Tolerance(ASSISTED, "position_max", 1e-8, 1e-3, order, reason),
+        Tolerance(ASSISTED, "release_time", 1e-9, 1e-3, order, reason),
+        Tolerance(ASSISTED, "stop_torque_max", 1e-9, 1e-3, order, reason, per="peak"),
     )
 
 
 _FIRST = "first order: the projectile, at up to 40 m/s, is a step's time off"
 EULER_TOLERANCES = (
-    Tolerance("stock", "position_max", 4e-2, 1e-3, 1, _FIRST),
+    Tolerance(DEFAULT, "position_max", 4e-2, 1e-3, 1, _FIRST),
     Tolerance(
-        "stock",
+        DEFAULT,
         "release_time",
         2e-3,
         1e-3,
@@ -50,4 +51,4 @@ EULER_TOLERANCES = (
         "first order: a step late by the scheme, one by its end",
     ),
 )
-"""Tolerances of stock presets: semi-implicit Euler with joint limits of their own."""
+"""Tolerances of default presets: semi-implicit Euler with joint limits of their own."""
