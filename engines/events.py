@@ -173,24 +173,29 @@ def whole_steps(duration: float, timestep: float) -> int:
 
 
 def note_own_releases(
-    events: ContactEvents, times: FloatArray, efforts: Mapping[str, FloatArray]
+    events: ContactEvents,
+    times: FloatArray,
+    efforts: Mapping[str, FloatArray],
+    settled: int = 1,
 ) -> None:
     """Note the releases of an engine that holds its stops itself.
 
     A stop that was closed is called released at the end of the first step after which it has no
-    force; at the start, where it has none after the first step either: the limits of many engines
+    force; at the start, where it has none after the first steps either: the limits of many engines
     begin without force.
 
     Args:
         events: of the run.
         times: of its samples [s], shape (n,); the first one is the start.
         efforts: torque or force of each stop in the samples [N m, N], shape (n,).
+        settled: steps after which a limit of the engine has its force.
     """
     for stop in events.mechanism.stops:
-        without = np.flatnonzero(efforts[stop.name][1:] <= 0.0)
+        effort = efforts[stop.name]
+        without = np.flatnonzero(effort[settled:] <= 0.0) + settled
         if stop.closed and len(without):
-            first = int(without[0]) + 1
-            opened = 0.0 if first == 1 and efforts[stop.name][0] <= 0.0 else times[first]
+            first = int(without[0])
+            opened = 0.0 if first == settled and (effort[:settled] <= 0.0).all() else times[first]
             events.release([stop.name], float(opened))
 
 

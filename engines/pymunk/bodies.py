@@ -313,18 +313,32 @@ def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
                 masses[joint.parent] = masses[joint.parent].with_mass_at(at, rest)
             mass = LumpedMass(mass.mass / ratio, pin + ratio * arm, 0.0)
 
-        engine_body = pymunk.Body(mass.mass, mass.inertia if turns else math.inf)
-        row = kinematics.point(body.name, _pair(mass.centre))
-        x, y = kinematics.position(row, q).tolist()
-        engine_body.position = x, y
-        x, y = kinematics.velocity(row, q, u).tolist()
-        engine_body.velocity = x, y
-        if turns:
-            index, turned = mechanism.attitudes[body.name]
-            engine_body.angle = -(turned if index is None else float(q[index]) + turned)
-            engine_body.angular_velocity = 0.0 if index is None else -float(u[index])
-        parts.append(BodyPart(body.name, engine_body, mass.centre, pin, turns))
+        parts.append(placed_part(kinematics, (q, u), body.name, mass, turns=turns))
     return parts[::-1]
+
+
+def placed_part(
+    kinematics: Kinematics,
+    state: tuple[FloatArray, FloatArray],
+    name: str,
+    mass: LumpedMass,
+    *,
+    turns: bool = True,
+) -> BodyPart:
+    """A body in Chipmunk in a state (q, u), with its mass; one that turns has its angle as well."""
+    mechanism, (q, u) = kinematics.mechanism, state
+    body = pymunk.Body(mass.mass, mass.inertia if turns else math.inf)
+    row = kinematics.point(name, _pair(mass.centre))
+    x, y = kinematics.position(row, q).tolist()
+    body.position = x, y
+    x, y = kinematics.velocity(row, q, u).tolist()
+    body.velocity = x, y
+    if turns:
+        index, turned = mechanism.attitudes[name]
+        body.angle = -(turned if index is None else float(q[index]) + turned)
+        body.angular_velocity = 0.0 if index is None else -float(u[index])
+    pin = complex(*mechanism.joint_of(name).child_point)
+    return BodyPart(name, body, mass.centre, pin, turns)
 
 
 def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:

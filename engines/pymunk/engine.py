@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from ...models.elements import CubicTorsionSpring
@@ -12,14 +12,25 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
-from ..supplied import Part, Supplied
-from ..units import units_of
-from .options import PymunkOptions
+from ..supplied import Assistance, Part, Supplied
+from ..units import scaled_units
+from .options import ALONE, ERROR_BIAS, ITERATIONS, ONLY_WITH, PymunkOptions
 from .study import STUDY
 
-_LIBRARY_ERROR_BIAS = (1.0 - 0.1) ** 60
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
-"""Classes that the tables of :mod:`.build` have a handler for; these need the library."""
+"""Classes that the tables of :mod:`.build` and :mod:`.alone` have a handler for; these need the
+library."""
+
+
+def _has_stops(mechanism: Mechanism) -> bool:
+    return bool(mechanism.stops)
+
+
+def _of_rods(part: Part, does: str, acts_on: Callable[[Mechanism], bool]) -> Assistance:
+    """Something that comes with trebucheck's own representation of a mechanism."""
+    return Assistance(
+        part, does, "joints", off="documented", depending=ONLY_WITH["rods"], acts_on=acts_on
+    )
 
 
 class PymunkEngine(PymunkOptions, BuiltinEngine):
@@ -27,15 +38,29 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     A step moves the bodies with their old velocities and then finds impulses at the new position.
     Read as a leapfrog (positions and forces at t = k h, velocities half a step later) it is of
-    second order; read directly it is of first order. Massless rods with a mass at their end are
-    point masses on PinJoints; a closed stop on an angle is one more PinJoint that braces such a
-    rod, or a GearJoint between two bodies that can turn; a point on a line (a slot, a rail, a
-    trough) hangs on a PinJoint across it, whose anchor moves along; a stop that releases is
-    removed. Springs are Chipmunk's own; its dampers would be of first order, so dampers are forces,
-    as constant ones are. At an impact the speeds change by Chipmunk's own impulses, and a new
-    leapfrog starts. The step is shortened a little where a whole number of them would not make the
-    duration. With lengths held, `iterations` is the least number of passes: loops that are rigid or
-    nearly singular get as many as they need.
+    second order; read directly it is of first order.
+
+    By itself (:mod:`.alone`) it has the elements of its documentation, and they stay as they are:
+    PivotJoints, GrooveJoints and GearJoints; RotaryLimitJoints for stops on angles, which have no
+    restitution; circles that collide with segments for stops on points; springs with their damping.
+    A limit has no force in a step that begins without an error, as does every start; a stop is read
+    as released at the end of the first step without one. A GrooveJoint takes the component across
+    its line of an impulse that would hold the point in both directions, so that a turning body
+    leaves the line at a part of the speed along it, and only the correction of errors brings it
+    back: the energy of such a mechanism is wrong, and two grooves on one body may be unstable.
+
+    With assistance (:mod:`.motion`) massless rods with a mass at their end are point masses on
+    PinJoints; a closed stop on an angle is one more PinJoint that braces such a rod, or a GearJoint
+    between two bodies that can turn; a point on a line (a slot, a rail, a trough) hangs on a
+    PinJoint across it, whose anchor moves along; a stop that releases is removed. Springs are
+    Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones
+    are. At an impact the speeds change by Chipmunk's own impulses, and a new leapfrog starts. The
+    step is shortened a little where a whole number of them would not make the duration. With
+    lengths held, `iterations` is the least number of passes: loops that are rigid or nearly
+    singular get as many as they need.
+
+    Raises:
+        InputError: an option is unknown, outside its range, or does nothing with these `joints`.
     """
 
     name: ClassVar[str] = "pymunk"
@@ -51,31 +76,86 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         formulation="maximal coordinates, velocity-level impulses by Gauss-Seidel, leapfrog "
         "positions",
     )
-    # What the library does if nothing is set, and its states read as they come after each step.
     default_options: ClassVar[Mapping[str, object] | None] = {
-        "iterations": 10,
-        "start_iterations": 10,
-        "error_bias": _LIBRARY_ERROR_BIAS,
-        "leapfrog": False,
-        "hold_lengths": False,
-        "locate_releases": False,
-        "pivot_mass": 1.0,
+        **ALONE,
+        # A space has no step of its own: that of the example in pymunk's README.
+        "timestep": 0.02,
+        "iterations": ITERATIONS,
+        "start_iterations": ITERATIONS,
+        "error_bias": ERROR_BIAS,
     }
-
-    @property
-    def supplied(self) -> Supplied:
-        """Stops as joints that come and go; forces, of which Chipmunk tells magnitudes alone."""
-        elements = "dampers and constant forces"
-        return {Part.EVENTS: "", Part.ELEMENTS: elements, Part.REACTIONS: "", Part.TORQUES: ""}
+    settings_options: ClassVar[Mapping[str, object] | None] = {
+        **ALONE,
+        "start_iterations": 200,
+        # All of a groove's error, undone at once, makes two grooves on one body unstable: half.
+        "groove_error_bias": 1e-300,
+        # A limit whose error is undone at once has no force in every second step.
+        "limit_error_bias": ERROR_BIAS,
+    }
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
+        _of_rods(
+            Part.MODEL,
+            "builds pins, lines and stops as rods, of masses moved along pins",
+            lambda _: True,
+        ),
+        _of_rods(Part.EVENTS, "takes stops out of the model and puts them back", _has_stops),
+        _of_rods(Part.IMPACTS, "finds impacts inside a step and resolves them there", _has_stops),
+        _of_rods(
+            Part.ELEMENTS,
+            "gives dampers, springs on rods and cubic springs as forces of each step",
+            lambda mechanism: bool(mechanism.force_elements),
+        ),
+        _of_rods(
+            Part.SUBSTEPS,
+            "shortens the step so that a whole number of them makes the time to the end or from an "
+            "impact to it",
+            lambda _: True,
+        ),
+        _of_rods(Part.TORQUES, "reads stop forces off the motion", _has_stops),
+        Assistance(
+            Part.START,
+            "starts half a step ahead in velocity, and reads velocities between steps",
+            "leapfrog",
+            off=False,
+        ),
+        Assistance(
+            Part.CORRECTIONS,
+            "sets rods shorter in each step, with as many passes as loops need",
+            "hold_lengths",
+            off=False,
+        ),
+        Assistance(
+            Part.EVENTS,
+            "releases a stop where its torque is foreseen to vanish",
+            "locate_releases",
+            off=False,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.MODEL,
+            "gives bodies that are pinned to the ground more mass at the pin",
+            "pivot_mass",
+            off=1.0,
+        ),
+        scaled_units(),
+    )
+    readings: ClassVar[Supplied] = {Part.REACTIONS: ""}
 
     def _run(self, problem: Problem) -> Recording:
-        from .motion import run  # loads pymunk, which may be missing
+        if self.joints == "documented":
+            from .alone import run_alone as run  # loads pymunk, which may be missing
+        else:
+            from .motion import run
+        return self.units(problem.mechanism).run(run, problem, self)
 
-        return units_of(problem.mechanism).run(run, problem, self)
+    def _script(self, problem: Problem) -> str:
+        from .alone import script
+
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Inertia of the built bodies, and accelerations and torques by one step in each state."""
         self.refuse_absence()
         from .inspect import inspect
 
-        return units_of(mechanism).inspect(inspect, mechanism, states, self)
+        return self.units(mechanism).inspect(inspect, mechanism, states, self)

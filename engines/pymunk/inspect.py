@@ -24,10 +24,14 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
 from .bodies import Assembly, Rod, is_pin
+from .alone import DocumentedSpace, PointForce, spring_torque
+from .alone import build as build_documented
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
 from .read import MotionReading, forces_of, reading_of
+
+_SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOptions) -> Inspection:
@@ -37,6 +41,8 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: PymunkOption
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
         SimulationError: Chipmunk's impulses do not converge.
     """
+    if options.joints == "documented":
+        return _documented(mechanism, states, options)
     touching = [stop.name for stop in mechanism.stops if stop.closed]
     built = build(mechanism, touching, 0.0, options.pivot_mass)
     start, start_speeds, _ = reading_of(built).motion
@@ -65,7 +71,7 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
         update={"start": tuple(state.q), "start_speeds": tuple(state.u)}
     )
     assembly = build(placed, state.closed, 0.0, pivot_mass)
-    mass, forces = _inertia(assembly)
+    mass, forces = _inertia(assembly, _free_accelerations(assembly))
     # One step to the present state, with targets displaced by h^2 times centripetal accelerations.
     # Gears have none. The change of velocity is the acceleration there.
     for rod in assembly.rods:
@@ -92,7 +98,21 @@ def _dynamics(built: Assembly, state: State, pivot_mass: float) -> Dynamics:
     )
 
 
-def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
+def _free_accelerations(assembly: Assembly) -> FloatArray:
+    """Accelerations of the bodies where no joint holds them, by one step, (n_bodies, 3)."""
+    springs = (constraints.DampedSpring, constraints.DampedRotarySpring)
+    joints = [joint for joint in assembly.space.constraints if not isinstance(joint, springs)]
+    if joints:
+        assembly.space.remove(*joints)
+    accelerations = settled_increment(assembly) / STEP
+    if joints:
+        assembly.space.add(*joints)
+    return accelerations
+
+
+def _inertia(
+    assembly: Assembly, free_accelerations: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """M and f of the engine's bodies.
 
     M is the sum of m J^T J + I j^T j, f that of J^T m (a - centrifugal acceleration) + j^T I s. The
@@ -100,14 +120,6 @@ def _inertia(assembly: Assembly) -> tuple[FloatArray, FloatArray]:
     holds it. A body that does not turn has no angle of its own (its moment is infinite): it
     is a point mass. Mass on a pin in the ground does not move, and so is in neither.
     """
-    springs = (constraints.DampedSpring, constraints.DampedRotarySpring)
-    joints = [joint for joint in assembly.space.constraints if not isinstance(joint, springs)]
-    if joints:
-        assembly.space.remove(*joints)
-    free_accelerations = settled_increment(assembly) / STEP
-    if joints:
-        assembly.space.add(*joints)
-
     kinematics, attitudes = Kinematics(assembly.mechanism), assembly.mechanism.attitudes
     q, u = initial_state(assembly.mechanism)
     rates = kinematics.rates(q)
@@ -196,3 +208,169 @@ def _angle_gap(built: Assembly, stop: Stop, reading: MotionReading) -> float:
 _GAPS: ElementTable[Callable[[Assembly, Any, MotionReading], float]] = ElementTable(
     "pymunk's inspection", STOPS, {Stop: _angle_gap, PointStop: _point_gap}
 )
+
+
+# --- Chipmunk's documented elements.
+#
+# Their accelerations are not found by a step: limits and grooves have the wrong velocities after
+# one. The attributes of the bodies and constraints that were built make the equations of motion of
+# the bodies instead, M a = F + J^T lam with J a = g.
+
+
+def _documented(
+    mechanism: Mechanism, states: Sequence[State], options: PymunkOptions
+) -> Inspection:
+    dynamics: list[Dynamics] = []
+    for state in states:
+        placed = mechanism.model_copy(
+            update={"start": tuple(state.q), "start_speeds": tuple(state.u)}
+        )
+        dynamics.append(_BodyEquations(build_documented(placed, options)).dynamics(state.closed))
+    start, start_speeds, _ = reading_of(build_documented(mechanism, options).assembly).motion
+    return Inspection(
+        start=start[0], start_speeds=start_speeds[0], dynamics=tuple(dynamics)
+    )
+
+
+class _BodyEquations:
+    """Equations of motion of the bodies of a space, from what it is made of."""
+
+    def __init__(self, made: DocumentedSpace) -> None:
+        self.made, self.assembly = made, made.assembly
+        bodies, gravity = self.assembly.bodies, self.assembly.space.gravity
+        self.first = {body: 3 * k for k, body in enumerate(bodies)}
+        self.mass = np.array([[body.mass, body.mass, body.moment] for body in bodies]).ravel()
+        self.forces = self.mass * np.array([[*gravity, 0.0] for _ in bodies]).ravel()
+        self.rows: list[FloatArray] = []
+        self.targets: list[float] = []  # g of each row
+        for load in made.loads:
+            body = self.assembly.parts[load.body].body
+            if isinstance(load, PointForce):
+                self.push(body, _end(body, load.point)[0], complex(*load.force))
+            else:
+                self.forces[self.first[body] + 2] += load.torque
+        for joint in self.assembly.space.constraints:
+            self.add(joint)
+
+    def row(self, body: pymunk.Body, at: complex, along: complex) -> FloatArray:
+        """Velocity of a body's point along a direction, by the velocities of all bodies."""
+        row = np.zeros(len(self.mass))
+        if body in self.first:
+            arm, k = at - complex(*body.position), self.first[body]
+            row[k : k + 3] = along.real, along.imag, (along.conjugate() * 1j * arm).real
+        return row
+
+    def turn(self, joint: constraints.Constraint, ratio: float = 1.0) -> FloatArray:
+        """Angular velocity of b, times a ratio, less that of a."""
+        row = np.zeros(len(self.mass))
+        for body, share in ((joint.a, -1.0), (joint.b, ratio)):
+            if body in self.first:
+                row[self.first[body] + 2] += share
+        return row
+
+    def push(self, body: pymunk.Body, at: complex, force: complex) -> None:
+        self.forces += abs(force) * self.row(body, at, force / abs(force)) if force else 0.0
+
+    def hold(
+        self, a: pymunk.Body, at_a: complex, b: pymunk.Body, at_b: complex, along: complex
+    ) -> None:
+        """Hold a component of the vector between two points, along a direction that turns with a.
+
+        The point of a is one that moves with the body; if b's slides along it, it is the same.
+        """
+        arms = [at - complex(*body.position) for body, at in ((a, at_a), (b, at_b))]
+        v_a, v_b = (
+            complex(*body.velocity) + 1j * body.angular_velocity * arm
+            for body, arm in zip((a, b), arms, strict=True)
+        )
+        centripetal = a.angular_velocity**2 * arms[0] - b.angular_velocity**2 * arms[1]
+        coriolis = 2j * a.angular_velocity * (v_b - v_a)
+        self.rows.append(self.row(b, at_b, along) - self.row(a, at_a, along))
+        self.targets.append((along.conjugate() * (coriolis - centripetal)).real)
+
+    def add(self, joint: constraints.Constraint) -> None:
+        """Add the rows of a joint, or the forces of a spring; a limit is added where it is closed.
+
+        Raises:
+            TypeError: there is no such joint among the documented ones.
+        """
+        a, b = joint.a, joint.b
+        match joint:
+            case constraints.RotaryLimitJoint():
+                pass
+            case constraints.PivotJoint():
+                at_a, at_b = _end(a, joint.anchor_a)[0], _end(b, joint.anchor_b)[0]
+                for along in (1.0 + 0j, 1j):
+                    self.hold(a, at_a, b, at_b, along)
+            case constraints.GrooveJoint():
+                at = _end(b, joint.anchor_b)[0]
+                line = _end(a, joint.groove_b)[0] - _end(a, joint.groove_a)[0]
+                self.hold(a, at, b, at, 1j * line / abs(line))
+            case constraints.GearJoint():
+                self.rows.append(self.turn(joint, joint.ratio))
+                self.targets.append(0.0)
+            case constraints.DampedSpring():
+                (at_a, v_a, _), (at_b, v_b, _) = _end(a, joint.anchor_a), _end(b, joint.anchor_b)
+                between, length = at_b - at_a, abs(at_b - at_a)
+                along = between / length if length else 0j
+                rate = (along.conjugate() * (v_b - v_a)).real
+                pull = joint.stiffness * (length - joint.rest_length) + joint.damping * rate
+                self.push(a, at_a, pull * along)
+                self.push(b, at_b, -pull * along)
+            case constraints.DampedRotarySpring():
+                torque = spring_torque(joint, a.angle - b.angle)
+                torque += joint.damping * (a.angular_velocity - b.angular_velocity)
+                self.forces += torque * self.turn(joint)
+            case _:
+                raise TypeError(f"no element is built as a {type(joint).__name__}")
+
+    def dynamics(self, closed: Sequence[str]) -> Dynamics:
+        """The mechanism's equations, these stops held."""
+        gaps: dict[str, float] = {}
+        n_joints = len(self.rows)
+        for name, limit in self.made.limits.items():
+            angle, most = limit.b.angle - limit.a.angle, limit.max < math.inf
+            gaps[name] = limit.max - angle if most else angle - limit.min
+        for name, (circle, wall) in self.made.walls.items():
+            gaps[name] = self._wall(circle, wall)[0]
+        for name in closed:
+            if name in self.made.limits:
+                limit = self.made.limits[name]
+                self.rows.append(self.turn(limit) * (-1.0 if limit.max < math.inf else 1.0))
+                self.targets.append(0.0)
+            else:
+                circle, wall = self.made.walls[name]
+                _, at, normal = self._wall(circle, wall)
+                assert circle.body is not None and wall.body is not None
+                self.hold(wall.body, at, circle.body, at, normal)
+        free = self.forces / self.mass
+        accelerations, multipliers = free, np.zeros(0)
+        if self.rows:
+            jacobian, roots = np.array(self.rows), np.sqrt(self.mass)
+            inverse = np.linalg.pinv(jacobian / roots, rcond=_SINGULAR)
+            increments = inverse @ (np.array(self.targets) - jacobian @ free)
+            accelerations, multipliers = free + increments / roots, inverse.T @ increments
+        mass, forces = _inertia(self.assembly, free.reshape(-1, 3))
+        reading = reading_of(self.assembly, accelerations.reshape(-1, 3))
+        centres: dict[str, FloatArray] = {}
+        for body in self.assembly.mechanism.bodies:
+            centres[body.name] = as_vectors(reading.point(body.name, body.centre)[0])[0]
+        return Dynamics(
+            accelerations=reading.motion[2][0],
+            stop_torques=dict(zip(closed, multipliers[n_joints:].tolist(), strict=True)),
+            mass_matrix=mass,
+            forces=forces,
+            centres=centres,
+            stop_gaps=gaps,
+        )
+
+    @staticmethod
+    def _wall(circle: pymunk.Circle, wall: pymunk.Segment) -> tuple[float, complex, complex]:
+        """Gap between a circle and a wall [m], the circle's centre, and the wall's normal."""
+        assert circle.body is not None and wall.body is not None
+        at = _end(circle.body, circle.offset)[0]
+        start, end = (_end(wall.body, point)[0] for point in (wall.a, wall.b))
+        normal = 1j * (end - start) / abs(end - start)
+        distance = ((at - start) * normal.conjugate()).real
+        sign = math.copysign(1.0, distance)
+        return abs(distance) - circle.radius - wall.radius, at, sign * normal

@@ -237,6 +237,8 @@ class Stepper:
     def __init__(self, assembly: Assembly, h: float, hold_lengths: bool, steps: int = 0) -> None:
         self.assembly, self.h, self.leapfrog, self.steps = assembly, h, False, 0
         self._space, self._buffer = assembly.space, cast("Any", pymunk.batch.Buffer())
+        # The space gets its static body when it is first asked for: rows are made after that.
+        ground = assembly.space.static_body
         pymunk.batch.get_space_bodies(self._space, pymunk.batch.BodyFields.BODY_ID, self._buffer)
         identities = memoryview(self._buffer.int_buf()).cast("P").tolist()
         self._offsets = {identity: _WIDTH * i for i, identity in enumerate(identities)}
@@ -254,7 +256,7 @@ class Stepper:
         self._pivots = [
             Pivot(joint, self._offsets[joint.b.id], h)
             for joint in assembly.space.constraints
-            if isinstance(joint, constraints.PivotJoint) and joint.a is assembly.space.static_body
+            if isinstance(joint, constraints.PivotJoint) and joint.a is ground
         ]
         self._holds_lengths = hold_lengths
         self._corrected = rods if hold_lengths else []
