@@ -57,11 +57,13 @@ class NoPointMasses:
     mechanism: Mechanism = field(init=False)
     moved: dict[str, float] = field(init=False)
     """By the pin's name: the mass that its child has gained, and its parent lost [kg]."""
+    added: dict[str, float] = field(init=False)
+    """By the body's name: inertia that no pin could bring, which changes the motion [kg m^2]."""
 
     def __post_init__(self) -> None:
         """Move the masses outwards from the ground: a body has its inertia before it lends any."""
         bodies = {body.name: body for body in self.original.bodies}
-        self.moved = {}
+        self.moved, self.added = {}, {}
         for name in bodies:
             self._fill_up(name, bodies)
         for body in bodies.values():
@@ -75,6 +77,7 @@ class NoPointMasses:
             least = _ADDED * body.mass * reach2
             if body.inertia < least:
                 bodies[body.name] = body.model_copy(update={"inertia": least})
+                self.added[body.name] = least - body.inertia
         # Not validated: what it is made of was.
         self.mechanism = self.original.model_copy(update={"bodies": tuple(bodies.values())})
 

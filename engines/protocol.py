@@ -255,11 +255,7 @@ class BuiltinEngine(EngineOptions, ABC):
             SimulationError: the engine gave up, crashed or left the finite numbers.
         """
         self._refuse_what_cannot_run(problem)
-        # Stops whose gap nothing can change have no unique force: the engine runs without them.
-        mechanism, idle = problem.mechanism, immovable_stops(problem.mechanism)
-        movable = problem
-        if idle:
-            movable = problem.model_copy(update={"mechanism": without_stops(mechanism, idle)})
+        mechanism, (movable, idle) = problem.mechanism, _without_idle_stops(problem)
         started = time.perf_counter()
         try:
             # Overflow on the way to a divergence is reported once, by the check of the result.
@@ -327,7 +323,7 @@ class BuiltinEngine(EngineOptions, ABC):
                 f"{self.name} has no program of its own with these options, as trebucheck takes "
                 f"part in the run: {does}. The presets {DEFAULT!r} and {SETTINGS!r} have one."
             )
-        return self._script(problem)
+        return self._script(_without_idle_stops(problem)[0])
 
     def _script(self, problem: Problem) -> str:
         """Write the program of :meth:`script`."""
@@ -398,6 +394,17 @@ class BuiltinEngine(EngineOptions, ABC):
             raise SimulationError(
                 f"{self.name} diverged: its state is not finite at t = {first:.6g} s."
             )
+
+
+def _without_idle_stops(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
+    """The problem without stops whose gap nothing can change, and their names.
+
+    Such a stop has no unique force: engines run without them.
+    """
+    mechanism, idle = problem.mechanism, immovable_stops(problem.mechanism)
+    if not idle:
+        return problem, idle
+    return problem.model_copy(update={"mechanism": without_stops(mechanism, idle)}), idle
 
 
 def refuse_no_problem(given: object) -> None:

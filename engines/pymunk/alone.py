@@ -45,7 +45,7 @@ from .read import MotionReading, forces_of, reading_of
 _LEAST_INERTIA = 0.1
 """Of a point mass about its centre of mass, as a part of m d^2, d the distance of its pin."""
 _LENGTH = 1000.0  # [m] from the middle of a groove or wall to its ends
-_RADIUS = 0.5  # [m] of a circle around a point that a wall stops, and half the wall's thickness
+_THICKNESS = 10.0  # [m] of a wall: what goes through it in one step is not stopped
 _MOST_WALLS = 32  # categories of shapes that Chipmunk tells apart
 _LIMITS_SETTLE = 2  # steps: the first one only brings a limit's error about
 
@@ -89,6 +89,16 @@ class BodyTorque:
     torque: float  # counter-clockwise [N m]
 
 
+@dataclass(frozen=True)
+class Wall:
+    """Shapes of a stop on a point, which collide with each other."""
+
+    body: pymunk.Body
+    circle: pymunk.Circle  # around the point of the body, without radius
+    base: pymunk.Body
+    segment: pymunk.Segment  # of the body, or the ground, with the wall
+
+
 @dataclass
 class DocumentedSpace:
     """A space of Chipmunk's documented elements, and what it does not hold itself."""
@@ -97,10 +107,7 @@ class DocumentedSpace:
     limits: dict[str, constraints.RotaryLimitJoint] = field(
         default_factory=dict[str, constraints.RotaryLimitJoint]
     )
-    walls: dict[str, tuple[pymunk.Circle, pymunk.Segment]] = field(
-        default_factory=dict[str, tuple[pymunk.Circle, pymunk.Segment]]
-    )
-    """Shapes of the stops on points: the point's, and the wall's."""
+    walls: dict[str, Wall] = field(default_factory=dict[str, Wall])
     loads: list[PointForce | BodyTorque] = field(default_factory=list[PointForce | BodyTorque])
 
     def push(self) -> None:
@@ -115,17 +122,17 @@ class DocumentedSpace:
     def impulses(self) -> dict[str, float]:
         """Impulse of each stop in the last step [N m s or N s]."""
         impulses = {name: limit.impulse for name, limit in self.limits.items()}
-        for name, (circle, _) in self.walls.items():
+        for name, wall in self.walls.items():
             felt: list[float] = []
-
-            def feel(arbiter: pymunk.Arbiter, circle: pymunk.Circle, felt: list[float]) -> None:
-                if circle in arbiter.shapes:
-                    felt.append(arbiter.total_impulse.length)
-
-            assert circle.body is not None
-            circle.body.each_arbiter(feel, circle, felt)
+            wall.body.each_arbiter(_feel, wall.circle, felt)
             impulses[name] = math.fsum(felt)
         return impulses
+
+
+def _feel(arbiter: pymunk.Arbiter, circle: pymunk.Circle, felt: list[float]) -> None:
+    """Note the impulse of a collision in the last step, if it is one of the circle [N s]."""
+    if circle in arbiter.shapes:
+        felt.append(arbiter.total_impulse.length)
 
 
 def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
@@ -144,7 +151,13 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
         space.collision_bias = options.collision_bias
     made = DocumentedSpace(Assembly(space, mechanism, rigid, placements))
     kinematics, state = Kinematics(rigid), initial_state(rigid)
-    for body in NoPointMasses(_shared_inertia(rigid), _LEAST_INERTIA).mechanism.bodies:
+    massive = NoPointMasses(_shared_inertia(rigid), _LEAST_INERTIA)
+    for name in massive.added:
+        raise UnsupportedProblemError(
+            f"our adapter gives a point mass the moment that pymunk's bodies need by mass moved "
+            f"along its pin; {name!r} has no pin that it could be moved along."
+        )
+    for body in massive.mechanism.bodies:
         mass = LumpedMass(body.mass, complex(*body.centre), body.inertia)
         part = placed_part(kinematics, state, body.name, mass)
         part.body.angle += 0.0  # so that a program has no -0.0
@@ -155,7 +168,9 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
     for joint in rigid.joints:
         JOINT_BUILDERS[joint](builder, joint)
     for stop in rigid.stops:
-        STOP_BUILDERS[stop](builder, stop)
+        add_stop = STOP_BUILDERS[stop]
+        if stop.body != stop.relative_to:  # else within one rigid body
+            add_stop(builder, stop)
     for element in rigid.force_elements:
         add_force = FORCE_BUILDERS[element]
         if len(set(element.bodies)) == len(element.bodies):  # else within one rigid body
@@ -166,7 +181,7 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
 def _shared_inertia(mechanism: Mechanism) -> Mechanism:
     """The mechanism with point masses that have a part of the inertia that turns with them.
 
-    Where bodies turn together only its sum counts, and where they do not turn it counts for nothing.
+    Where bodies turn together only its sum counts; where they do not turn it counts for nothing.
     """
     together: dict[int | None, list[Body]] = {}
     for body in mechanism.bodies:
@@ -241,7 +256,7 @@ class _Builder:
         self.made.limits[stop.name] = limit
 
     def add_wall(self, stop: elements.PointStop) -> None:
-        """Add a circle around the point and a thick segment, which collide with each other only."""
+        """Add a circle without radius and a thick segment, which collide with each other only."""
         index = len(self.made.walls)
         if index >= _MOST_WALLS:
             raise UnsupportedProblemError(
@@ -249,17 +264,16 @@ class _Builder:
                 f"{stop.name!r} is one more."
             )
         normal = complex(*stop.normal)
-        middle = (stop.offset - 2 * _RADIUS) * normal
-        wall, start = self.assembly.end(stop.relative_to, middle - 1j * _LENGTH * normal)
+        middle = (stop.offset - _THICKNESS / 2) * normal
+        base, start = self.assembly.end(stop.relative_to, middle - 1j * _LENGTH * normal)
         _, end = self.assembly.end(stop.relative_to, middle + 1j * _LENGTH * normal)
         body, point = self.assembly.end(stop.body, complex(*stop.point))
-        shapes = pymunk.Circle(body, _RADIUS, point), pymunk.Segment(wall, start, end, _RADIUS)
-        for shape in shapes:
-            shape.filter = pymunk.ShapeFilter(categories=1 << index, mask=1 << index)
-        circle, segment = shapes
+        circle = pymunk.Circle(body, 0.0, point)
+        segment = pymunk.Segment(base, start, end, _THICKNESS / 2)
+        circle.filter = segment.filter = pymunk.ShapeFilter(categories=1 << index, mask=1 << index)
         circle.elasticity, segment.elasticity = stop.restitution, 1.0
-        self.space.add(*shapes)
-        self.made.walls[stop.name] = shapes
+        self.space.add(circle, segment)
+        self.made.walls[stop.name] = Wall(body, circle, base, segment)
 
     # --- Force elements
 
@@ -330,7 +344,7 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
 # --- A run
 
 
-def built(problem: Problem, options: PymunkOptions) -> DocumentedSpace:
+def space_of(problem: Problem, options: PymunkOptions) -> DocumentedSpace:
     """The space of a problem's run.
 
     Raises:
@@ -354,7 +368,7 @@ def run_alone(problem: Problem, options: PymunkOptions) -> Recording:
         SimulationError: impulses diverged, or a point left the end of its groove or wall.
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
     """
-    made, h = built(problem, options), options.timestep
+    made, h = space_of(problem, options), options.timestep
     steps = whole_steps(problem.duration, h)
     stepper = Stepper(made.assembly, h, hold_lengths=False, steps=steps)
     stepper.start(options.start_iterations, leapfrog=False)
@@ -370,11 +384,13 @@ def run_alone(problem: Problem, options: PymunkOptions) -> Recording:
     stepper.run(steps - 1, options.iterations, after_step)
     reading = MotionReading(made.assembly, stepper.samples(0))
     q, u, _ = reading.motion
-    finite = np.isfinite(q).all() and np.isfinite(u).all()
-    if not finite:
-        raise SimulationError("pymunk diverged: its state is not finite.")
+    times: FloatArray = h * np.arange(steps + 1, dtype=np.float64)
+    lost = np.flatnonzero(~np.isfinite(np.hstack([q, u])).all(axis=1))
+    if len(lost):
+        raise SimulationError(
+            f"pymunk diverged: its state is not finite at t = {times[lost[0]]:.6g} s."
+        )
     _refuse_ends(reading)
-    times = h * np.arange(steps + 1)
     events = ContactEvents(problem.mechanism, "pymunk")
     note_own_releases(events, times, torques, settled=_LIMITS_SETTLE)
     kinetic, potential = reading.energies()
@@ -393,9 +409,7 @@ def run_alone(problem: Problem, options: PymunkOptions) -> Recording:
     )
 
 
-def _reactions(
-    reading: MotionReading, torques: dict[str, FloatArray]
-) -> dict[str, FloatArray]:
+def _reactions(reading: MotionReading, torques: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Force of each joint on its child [N], read off the motion with the stops that push."""
     n = len(reading.motion[0])
     pushing = np.array([torque > 0 for torque in torques.values()]).reshape(-1, n)
@@ -451,7 +465,7 @@ def script(problem: Problem, options: PymunkOptions) -> str:
     Raises:
         UnsupportedProblemError: the mechanism has a part that has no counterpart here.
     """
-    made = built(problem, options)
+    made = space_of(problem, options)
     space, parts = made.assembly.space, made.assembly.parts
     names = {space.static_body: GROUND, **{part.body: part.name for part in parts.values()}}
     return study.filled_template(

@@ -14,7 +14,14 @@ from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
 from ..supplied import Assistance, Part, Supplied
 from ..units import scaled_units
-from .options import ALONE, ERROR_BIAS, ITERATIONS, ONLY_WITH, PymunkOptions
+from .options import (
+    ALONE,
+    ERROR_BIAS,
+    HALF_IN_A_MILLISECOND,
+    ITERATIONS,
+    ONLY_WITH,
+    PymunkOptions,
+)
 from .study import STUDY
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
@@ -87,8 +94,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     settings_options: ClassVar[Mapping[str, object] | None] = {
         **ALONE,
         "start_iterations": 200,
-        # All of a groove's error, undone at once, makes two grooves on one body unstable: half.
-        "groove_error_bias": 1e-300,
+        # All of a groove's error, undone at once, makes two grooves on one body unstable.
+        "groove_error_bias": HALF_IN_A_MILLISECOND,
         # A limit whose error is undone at once has no force in every second step.
         "limit_error_bias": ERROR_BIAS,
     }

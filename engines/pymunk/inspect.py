@@ -23,9 +23,9 @@ from ...models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
-from .bodies import Assembly, Rod, is_pin
-from .alone import DocumentedSpace, PointForce, spring_torque
+from .alone import DocumentedSpace, PointForce, Wall, spring_torque
 from .alone import build as build_documented
+from .bodies import Assembly, Rod, is_pin
 from .build import build
 from .leapfrog import STEP, settled_increment
 from .options import PymunkOptions
@@ -110,9 +110,7 @@ def _free_accelerations(assembly: Assembly) -> FloatArray:
     return accelerations
 
 
-def _inertia(
-    assembly: Assembly, free_accelerations: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _inertia(assembly: Assembly, free_accelerations: FloatArray) -> tuple[FloatArray, FloatArray]:
     """M and f of the engine's bodies.
 
     M is the sum of m J^T J + I j^T j, f that of J^T m (a - centrifugal acceleration) + j^T I s. The
@@ -227,9 +225,7 @@ def _documented(
         )
         dynamics.append(_BodyEquations(build_documented(placed, options)).dynamics(state.closed))
     start, start_speeds, _ = reading_of(build_documented(mechanism, options).assembly).motion
-    return Inspection(
-        start=start[0], start_speeds=start_speeds[0], dynamics=tuple(dynamics)
-    )
+    return Inspection(start=start[0], start_speeds=start_speeds[0], dynamics=tuple(dynamics))
 
 
 class _BodyEquations:
@@ -331,18 +327,17 @@ class _BodyEquations:
         for name, limit in self.made.limits.items():
             angle, most = limit.b.angle - limit.a.angle, limit.max < math.inf
             gaps[name] = limit.max - angle if most else angle - limit.min
-        for name, (circle, wall) in self.made.walls.items():
-            gaps[name] = self._wall(circle, wall)[0]
+        for name, wall in self.made.walls.items():
+            gaps[name] = _gap_and_normal(wall)[0]
         for name in closed:
             if name in self.made.limits:
                 limit = self.made.limits[name]
                 self.rows.append(self.turn(limit) * (-1.0 if limit.max < math.inf else 1.0))
                 self.targets.append(0.0)
             else:
-                circle, wall = self.made.walls[name]
-                _, at, normal = self._wall(circle, wall)
-                assert circle.body is not None and wall.body is not None
-                self.hold(wall.body, at, circle.body, at, normal)
+                wall = self.made.walls[name]
+                at = _end(wall.body, wall.circle.offset)[0]
+                self.hold(wall.base, at, wall.body, at, _gap_and_normal(wall)[1])
         free = self.forces / self.mass
         accelerations, multipliers = free, np.zeros(0)
         if self.rows:
@@ -364,13 +359,12 @@ class _BodyEquations:
             stop_gaps=gaps,
         )
 
-    @staticmethod
-    def _wall(circle: pymunk.Circle, wall: pymunk.Segment) -> tuple[float, complex, complex]:
-        """Gap between a circle and a wall [m], the circle's centre, and the wall's normal."""
-        assert circle.body is not None and wall.body is not None
-        at = _end(circle.body, circle.offset)[0]
-        start, end = (_end(wall.body, point)[0] for point in (wall.a, wall.b))
-        normal = 1j * (end - start) / abs(end - start)
-        distance = ((at - start) * normal.conjugate()).real
-        sign = math.copysign(1.0, distance)
-        return abs(distance) - circle.radius - wall.radius, at, sign * normal
+
+def _gap_and_normal(wall: Wall) -> tuple[float, complex]:
+    """Gap between a point's circle and its wall [m], and the wall's normal towards the point."""
+    at = _end(wall.body, wall.circle.offset)[0]
+    start, end = (_end(wall.base, point)[0] for point in (wall.segment.a, wall.segment.b))
+    normal = 1j * (end - start) / abs(end - start)
+    distance = ((at - start) * normal.conjugate()).real
+    radii = wall.circle.radius + wall.segment.radius
+    return abs(distance) - radii, math.copysign(1.0, distance) * normal

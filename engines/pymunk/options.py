@@ -15,6 +15,9 @@ ITERATIONS = 10
 ERROR_BIAS = 0.0017970074436457143
 """Default of Chipmunk's `Constraint.error_bias`: a tenth is undone in 1/60 s."""
 
+HALF_IN_A_MILLISECOND = 1e-300
+"""Share of an error left after a second, of which half is undone in a step of 1e-3 s."""
+
 _Share = Annotated[Real, Field(ge=0, le=1)]
 Joints = Literal["rods", "documented"]
 ONLY_WITH: Mapping[Joints, Mapping[str, JsonValue]] = {

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+from pydantic import JsonValue
+
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
 from .. import study
-from ..presets import ASSISTED
+from ..presets import ASSISTED, DEFAULT, SETTINGS
 from ..study import (
     Cause,
     Intervention,
@@ -15,36 +20,59 @@ from ..study import (
     SweptParameter,
     Tolerance,
 )
+from .options import ERROR_BIAS, HALF_IN_A_MILLISECOND, ITERATIONS, ONLY_WITH
 
 PYTHON = "pymunk in Python"
 _BIAS_STEP = 4e-3  # [s] shorter steps need a bias below 1e-300 for short lags, which is zero
 _NEED = "second order: leapfrog read at its own times"
 
 
+_CORRECTED: Mapping[str, JsonValue] = {
+    "error_bias": 0.0,
+    "groove_error_bias": HALF_IN_A_MILLISECOND,
+    "limit_error_bias": ERROR_BIAS,
+}
+"""Of joints as they are documented: errors undone as soon as they can be without ill effects."""
+
+
 def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
     # Twice the passes square what they leave. Mass on a fixed pivot moves nothing: it only helps
     # them converge.
-    passes = {
+    passes: dict[str, JsonValue] = {
         "iterations": max(400, 2 * settings["iterations"]),
         "start_iterations": max(5_000, 2 * settings["start_iterations"]),
-        "pivot_mass": max(1e4, settings["pivot_mass"]),
     }
-    return study.with_readout(
+    causes: tuple[Cause, ...] = ()
+    after: tuple[str, ...] = ()
+    if settings["joints"] == "documented":
+        rods: dict[str, JsonValue] = {**ONLY_WITH["documented"], "joints": "rods"}
+        elements = Cause(
+            "documented elements",
+            "limits have no force before an error, grooves let go of what turns, dampers are of "
+            "first order; taken out by trebucheck's own joints and forces",
+            Intervention(rods),
+        )
+        # The others change options of trebucheck's joints, or what limits do without an error.
+        causes, after = (elements,), (elements.name,)
+    else:
+        passes["pivot_mass"] = max(1e4, settings["pivot_mass"])
+    causes += (
         Cause("solver passes",
               "impulses that have not converged in a step's passes, above all in the first step",
               Intervention(passes)),
         Cause("error bias", "joints are let drift: only a share of their error is undone in a step",
-              Intervention({"error_bias": 0.0})),
+              Intervention({"error_bias": 0.0}), after=after),
         Cause("start and labels",
               "velocities belong half a step later than positions; started and read as if not",
-              Intervention({"leapfrog": True})),
+              Intervention({"leapfrog": True}), after=after),
         Cause("rod lengths",
               "a rod's ends move on arcs: it gets longer in a step than its rate of change says",
-              Intervention({"hold_lengths": True})),
+              Intervention({"hold_lengths": True}), after=after),
         Cause("event location", "a stop is let go a step after its torque has vanished",
-              Intervention({"locate_releases": True})),
+              Intervention({"locate_releases": True}), after=after),
         study.time_step_cause({"timestep": float(settings["timestep"]) / study.REFINEMENT}),
     )  # fmt: skip
+    return study.with_readout(*causes)
 
 
 def _bias(lag: float) -> study.Options:
@@ -54,6 +82,17 @@ def _bias(lag: float) -> study.Options:
     steps later, which sums up to h (1 - c) / c.
     """
     return {"error_bias": (lag / (lag + _BIAS_STEP)) ** (1.0 / _BIAS_STEP)}
+
+
+def _heavier_pivots(settings: study.Options, _: study.ConstraintKinds) -> dict[str, Any] | None:
+    rods = settings["joints"] == "rods"
+    return {"pivot_mass": 10.0 * settings["pivot_mass"]} if rods else None
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {PYTHON: study.filled_template(__name__, "pymunk.py.j2", options=engine)}
+    return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
 
 
 STUDY = study.EngineStudy(
@@ -81,13 +120,19 @@ STUDY = study.EngineStudy(
         ),
     ),
     step_orders={
-        ASSISTED: study.StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
-        "stock": study.StepOrder(
-            1.0,
-            "positions and speeds half a step apart, joints corrected at a rate that is not the "
-            "step's",
+        DEFAULT: study.StepOrder(
+            None,
+            "of first order with pins alone (positions and speeds are half a step apart, and "
+            "joints drift); a groove's error does not fall with the step",
             "semi-implicit Euler, impulses",
         ),
+        SETTINGS: study.StepOrder(
+            None,
+            "of first order with pins alone (positions and speeds are half a step apart); the part "
+            "of a groove's error that a step undoes falls with the step",
+            "semi-implicit Euler, impulses",
+        ),
+        ASSISTED: study.StepOrder(2.0, "leapfrog read at its own times", "leapfrog, impulses"),
     },
     refinements=(
         study.HALF_THE_STEP,
@@ -95,19 +140,23 @@ STUDY = study.EngineStudy(
                    study.multiplied("iterations", 4)),
         Refinement("first step's iterations", "four times the first step's iterations",
                    study.multiplied("start_iterations", 4)),
-        Refinement("mass of the pinned body", "ten times the pivot mass",
-                   study.multiplied("pivot_mass", 10.0)),
+        Refinement("mass of the pinned body", "ten times the pivot mass", _heavier_pivots),
     ),
     option_sets=(
         study.DEFAULT_SET,
-        OptionSet("leapfrog", "stock, without error_bias, started and read as a leapfrog", "stock",
-                  {"error_bias": 0.0, "leapfrog": True}),
-        OptionSet("converged leapfrog",
-                  "the same, with 50 iterations, a heavy pivot and releases foreseen", "tuned",
-                  {"iterations": 50, "hold_lengths": False}),
-        OptionSet("held lengths", "the same, with rods held to their lengths", "tuned",
-                  {"iterations": 50}),
+        OptionSet("errors undone", "default, with errors of joints undone as soon as can be",
+                  DEFAULT, _CORRECTED),
         study.SETTINGS_SET,
+        OptionSet("leapfrog",
+                  "default's passes on trebucheck's own joints, started and read as a leapfrog",
+                  ASSISTED,
+                  {"iterations": ITERATIONS, "start_iterations": ITERATIONS, "hold_lengths": False,
+                   "locate_releases": False, "pivot_mass": 1.0}),
+        OptionSet("converged leapfrog",
+                  "the same, with 50 iterations, a heavy pivot and releases foreseen", ASSISTED,
+                  {"iterations": 50, "hold_lengths": False}),
+        OptionSet("held lengths", "the same, with rods held to their lengths", ASSISTED,
+                  {"iterations": 50}),
         study.ASSISTED_SET,
     ),
     tolerances=(
@@ -117,9 +166,7 @@ STUDY = study.EngineStudy(
         Tolerance(ASSISTED, "stop_torque_max", 1e-4, 1e-3, 2, _NEED, per="peak"),
         Tolerance(ASSISTED, "release_time", 1e-5, 1e-3, 2, _NEED),
     ),
-    snippets=lambda engine, _mechanism, _duration: {
-        PYTHON: study.filled_template(__name__, "pymunk.py.j2", options=engine)
-    },
+    snippets=_snippets,
     title="pymunk",
     binding="the Python wheel `pymunk`, with its own build of Chipmunk",
     maintainers_note=MaintainersNote(
