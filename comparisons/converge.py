@@ -420,6 +420,8 @@ def refinements(
 ) -> Iterator[tuple[Refinement, dict[str, Any]]]:
     """Sweep every refinement at an engine's settings, and each option that `assisted` changes.
 
+    Options that the engine does not take unless others change with them are left out.
+
     Args:
         name: of the engine.
         settings: of the engine.
@@ -432,8 +434,20 @@ def refinements(
             yield refinement, change
     for option, value in engine(name, ASSISTED).settings.items():
         if option in settings and settings[option] != value and option not in (*swept, "timestep"):
+            if not _takes(name, {**settings, option: value}):
+                continue  # it does nothing unless others are changed with it
             text = f"{option} as in {ASSISTED}"
             yield Refinement(f"option {option}", text, lambda _, __: None), {option: value}
+
+
+def _takes(name: str, settings: Options) -> bool:
+    """Tell whether an engine takes these options together."""
+    own = {option: value for option, value in settings.items() if option != "preset"}
+    try:
+        engine(name, ASSISTED, **own)
+    except InputError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ class BodyTorque:
 
 
 @dataclass(frozen=True)
-class Wall:
+class StopShapes:
     """Shapes of a stop on a point, which collide with each other."""
 
     body: pymunk.Body
@@ -107,7 +107,7 @@ class DocumentedSpace:
     limits: dict[str, constraints.RotaryLimitJoint] = field(
         default_factory=dict[str, constraints.RotaryLimitJoint]
     )
-    walls: dict[str, Wall] = field(default_factory=dict[str, Wall])
+    walls: dict[str, StopShapes] = field(default_factory=dict[str, StopShapes])
     loads: list[PointForce | BodyTorque] = field(default_factory=list[PointForce | BodyTorque])
 
     def push(self) -> None:
@@ -273,7 +273,7 @@ class _Builder:
         circle.filter = segment.filter = pymunk.ShapeFilter(categories=1 << index, mask=1 << index)
         circle.elasticity, segment.elasticity = stop.restitution, 1.0
         self.space.add(circle, segment)
-        self.made.walls[stop.name] = Wall(body, circle, base, segment)
+        self.made.walls[stop.name] = StopShapes(body, circle, base, segment)
 
     # --- Force elements
 

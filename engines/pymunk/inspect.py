@@ -23,7 +23,7 @@ from ...models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
-from .alone import DocumentedSpace, PointForce, Wall, spring_torque
+from .alone import DocumentedSpace, PointForce, StopShapes, spring_torque
 from .alone import build as build_documented
 from .bodies import Assembly, Rod, is_pin
 from .build import build
@@ -360,7 +360,7 @@ class _BodyEquations:
         )
 
 
-def _gap_and_normal(wall: Wall) -> tuple[float, complex]:
+def _gap_and_normal(wall: StopShapes) -> tuple[float, complex]:
     """Gap between a point's circle and its wall [m], and the wall's normal towards the point."""
     at = _end(wall.body, wall.circle.offset)[0]
     start, end = (_end(wall.base, point)[0] for point in (wall.segment.a, wall.segment.b))

@@ -25,8 +25,6 @@ from .options import ERROR_BIAS, HALF_IN_A_MILLISECOND, ITERATIONS, ONLY_WITH
 PYTHON = "pymunk in Python"
 _BIAS_STEP = 4e-3  # [s] shorter steps need a bias below 1e-300 for short lags, which is zero
 _NEED = "second order: leapfrog read at its own times"
-
-
 _CORRECTED: Mapping[str, JsonValue] = {
     "error_bias": 0.0,
     "groove_error_bias": HALF_IN_A_MILLISECOND,
@@ -44,8 +42,9 @@ def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
     }
     causes: tuple[Cause, ...] = ()
     after: tuple[str, ...] = ()
+    rods: dict[str, JsonValue] = {}
     if settings["joints"] == "documented":
-        rods: dict[str, JsonValue] = {**ONLY_WITH["documented"], "joints": "rods"}
+        rods = {**ONLY_WITH["documented"], "joints": "rods"}
         elements = Cause(
             "documented elements",
             "limits have no force before an error, grooves let go of what turns, dampers are of "
@@ -61,15 +60,15 @@ def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[Cause, ...]:
               "impulses that have not converged in a step's passes, above all in the first step",
               Intervention(passes)),
         Cause("error bias", "joints are let drift: only a share of their error is undone in a step",
-              Intervention({"error_bias": 0.0}), after=after),
+              Intervention({**rods, "error_bias": 0.0}), after=after),
         Cause("start and labels",
               "velocities belong half a step later than positions; started and read as if not",
-              Intervention({"leapfrog": True}), after=after),
+              Intervention({**rods, "leapfrog": True}), after=after),
         Cause("rod lengths",
               "a rod's ends move on arcs: it gets longer in a step than its rate of change says",
-              Intervention({"hold_lengths": True}), after=after),
+              Intervention({**rods, "hold_lengths": True}), after=after),
         Cause("event location", "a stop is let go a step after its torque has vanished",
-              Intervention({"locate_releases": True}), after=after),
+              Intervention({**rods, "locate_releases": True}), after=after),
         study.time_step_cause({"timestep": float(settings["timestep"]) / study.REFINEMENT}),
     )  # fmt: skip
     return study.with_readout(*causes)

@@ -85,7 +85,7 @@ def _shown(difference: Difference) -> str:
 
 def test_nothing_changes_from_a_comparison_to_itself(results: Results) -> None:
     same = diff(results, results)
-    assert same.passed and not same.moved and not same.versions and same.compared == 4
+    assert same.passed and not same.moved and not same.versions and same.compared == 5
     assert {each.fate for each in same.runs} == {Fate.SAME}
     assert "Nothing broke: 0 of" in same.summary and "are the same" in _shown(same)
 
@@ -289,7 +289,7 @@ def test_another_mechanism_or_motion_is_not_compared(results: Results) -> None:
     for other in ({"mechanism_hash": "0" * 64}, {"compared_to": 0.25}, {"thrown": "somebody"}):
         new = broken.model_copy(update={"machines": (machine.model_copy(update=other),)})
         found = diff(results, new)
-        assert len(found.of_fate(Fate.NOT_COMPARED)) == 4 and not found.quantities
+        assert len(found.of_fate(Fate.NOT_COMPARED)) == 5 and not found.quantities
         assert (
             "Nothing could be compared" in found.summary
             and not found.passed

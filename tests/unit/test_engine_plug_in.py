@@ -89,7 +89,7 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
     default = tb.engine(COPY, "default")
     assert (
         causes_of(default) == causes_of(tb.engine("pymunk", "default"))
-        and len(causes_of(default)) == 7
+        and len(causes_of(default)) == 8
     )
     swept, there = swept_parameters(COPY), swept_parameters("pymunk")
     assert [(each.name, each.values, each.expected) for each in swept] == [
@@ -100,13 +100,14 @@ def test_its_causes_parameters_option_sets_snippets_and_colour_are_its_own() -> 
         <= {each.name for each in swept}
         <= set(parameter_names())
     )
-    found = [
-        each.description for each, _ in refinements(COPY, default.settings, (), ConstraintKinds())
-    ]
+    assisted = tb.engine(COPY, "assisted").settings
+    found = [each.description for each, _ in refinements(COPY, assisted, (), ConstraintKinds())]
     assert "ten times the pivot mass" in found
     sets = option_sets(COPY)
     assert [each.name for each in sets] == [
         "default",
+        "errors undone",
+        "settings",
         "leapfrog",
         "converged leapfrog",
         "held lengths",

@@ -332,12 +332,14 @@ def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(
     pytest.importorskip("pymunk")
     matrix = distilled(results, "2026-01-02")
     assert {run.label: run.scheme for run in matrix.runs} == {
-        "pymunk default": "semi-implicit Euler, impulses", "pymunk assisted": "leapfrog, impulses"
-    }  # fmt: skip
+        "pymunk default": "semi-implicit Euler, impulses",
+        "pymunk settings": "semi-implicit Euler, impulses",
+        "pymunk assisted": "leapfrog, impulses",
+    }
     assert {run.scheme for run in matrix.runs} <= set(SCHEME_NAMES)
     run, full = (
-        matrix.runs[0],
-        next(run for run in results.runs if run.label == matrix.runs[0].label),
+        next(run for run in runs if run.label == "pymunk assisted")
+        for runs in (matrix.runs, results.runs)
     )
     error, metric = run.error("position_max"), full.metric("position_max", "P1")
     assert error is not None and metric is not None and metric.value is not None
