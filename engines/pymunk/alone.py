@@ -16,7 +16,6 @@ opposite. :func:`script` writes the same run as a program from the space that wa
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -492,7 +491,7 @@ def _call(
 ) -> tuple[str, float | None, CubicTorque | None]:
     """The call of a constraint's constructor, and what is to be set afterwards."""
     arguments = [_text(getattr(joint, name)) for name in _ARGUMENTS[type(joint)]]
-    bodies = [f"bodies[{json.dumps(names[body])}]" for body in (joint.a, joint.b)]
+    bodies = [f'bodies["{names[body]}"]' for body in (joint.a, joint.b)]
     call = f"pymunk.{type(joint).__name__}({', '.join((*bodies, *arguments))})"
     law = joint.torque_func if isinstance(joint, constraints.DampedRotarySpring) else None
     bias = None if joint.error_bias == ERROR_BIAS else joint.error_bias
@@ -514,7 +513,7 @@ def _slides(assembly: Assembly) -> list[str]:
         ):
             place = assembly.placements[name]
             arm = complex(complex(*local) - frames[name].reference)
-            points.append(f"({json.dumps(place.carrier)}, {arm!r}, {place.angle!r})")
+            points.append(f'("{place.carrier}", {arm!r}, {place.angle!r})')
         slides.append(f"{points[0]}, {points[1]}, {complex(slide.direction)!r}")
     return slides
 

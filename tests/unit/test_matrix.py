@@ -344,7 +344,9 @@ def test_results_of_a_comparison_are_distilled_with_schemes_scales_and_verdicts(
     error, metric = run.error("position_max"), full.metric("position_max", "P1")
     assert error is not None and metric is not None and metric.value is not None
     assert (error.value, error.holds) == (metric.value, True)
-    assert error.part == pytest.approx(abs(metric.value) / results.machines[0].scales.length)
+    machine = results.machines[0]
+    scale = QUANTITIES["position_max"].scale_of(machine.scales, "P1", machine.mechanism)
+    assert error.part == pytest.approx(abs(metric.value) / scale)
     assert (run.order, run.timestep, run.held) == (2.0, full.settings["timestep"], len(full.judged))
     unjudged = full.model_copy(
         update={"metrics": tuple(m.model_copy(update={"tolerance": None}) for m in full.metrics)}
