@@ -28,8 +28,10 @@ _LAYOUT = ["scrollable-region-focusable", "link-in-text-block"]
 """Rules of axe, beside contrast, whose results differ between screens and colours."""
 
 
-def serious(page: Page, *, seen_before: bool = False) -> list[str]:
-    """Serious and critical violations that axe finds.
+def serious(
+    page: Page, *, seen_before: bool = False, impacts: tuple[str, ...] = ("serious", "critical")
+) -> list[str]:
+    """Serious and critical violations that axe finds, or those of other impacts.
 
     Drawings whose boxes have names are left out. Contrast, which is most of the work, is judged of
     one text of each kind of place and colour.
@@ -57,7 +59,7 @@ def serious(page: Page, *, seen_before: bool = False) -> list[str]:
         options |= {"resultTypes": ["violations"], "selectors": False}
         run = "([where, options]) => axe.run(where, options).then((found) => found.violations)"
         found += page.evaluate(run, [where | {"exclude": unnamed}, options])
-    return [_said(each) for each in found if each["impact"] in ("serious", "critical")]
+    return [_said(each) for each in found if each["impact"] in impacts]
 
 
 def _said(violation: dict[str, Any]) -> str:

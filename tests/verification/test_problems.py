@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.problems import ProblemCheck, check
+from trebucheck.comparisons.report import markdown
+from trebucheck.comparisons.report.pages.problems import library, listing
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.benchmark import (
     passage,
@@ -185,6 +187,19 @@ def test_closed_forms_in_forty_digits() -> None:
                 angle = mpmath.mpf(float(turn(omega, speed, np.array([t]))[0])) - mpmath.pi
                 since = 2 * mpmath.ellipf(angle / 2, m) / bottom
                 assert float(since + exact / 2) == pytest.approx(t, abs=1e-13)
+
+
+def test_tables_and_pages_have_one_name_of_a_problem() -> None:
+    """The library's number is what it is sorted by; a source may have numbers of its own."""
+    text = markdown.text(listing(benchmarks()))
+    text += markdown.text(library([check(benchmark("pendulum"))]))
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("**Source:**"))
+    names = {entry.name for entry in benchmarks()}
+    first = {line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")}
+    assert names <= first and "\n## pendulum\n" in text
+    for entry in benchmarks():
+        text = text.replace(entry.source, "")
+    assert not [entry.number for entry in benchmarks() if entry.number in text]
 
 
 def test_names_numbers_and_tags() -> None:

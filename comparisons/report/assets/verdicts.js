@@ -243,7 +243,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     if (text(content.lead)) parts.push(element("p", {textContent: text(content.lead)}));
     if (content.quantities?.length) {
       const titles = ["", "quantity", "error", "tolerance", "ratio", ...(content.quantities.some((each) => text(each.count)) ? ["hold"] : [])];
-      const head = element("tr", {}, ...titles.map((title) => element(title ? "th" : "td", {textContent: title, scope: "col"})));
+      const head = element("tr", {}, ...titles.map((title) => (title ? element("th", {textContent: title, scope: "col"}) : element("td"))));
       const lines = content.quantities.map((each) => {
         const tr = element("tr", {className: held(each, "holds", "breaks", "open")});
         const unit = text(each.unit) && each.holds !== null ? ` ${text(each.unit)}` : "";

@@ -96,7 +96,7 @@ def document(matrix: Matrix, links: Mapping[str, str] | None = None) -> doc.Docu
         *_dynamics(matrix),
     ]
     explained = [doc.Text(sentence(spread), lead=f"{spread.scheme}:") for spread in spreads(matrix)]
-    rounding = doc.Note(f"Errors below {FLOOR:g} of the size are rounding, and count as that.")
+    rounding = doc.Note(f"Errors below {FLOOR:g} of the scale are rounding, and count as that.")
     for title, parts_of_page in (
         ("Scheme or implementation", (rounding, doc.Listing(tuple(explained)))),
         ("What our adapters do not build, and what did not end", tuple(_missing(matrix))),
