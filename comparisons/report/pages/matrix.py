@@ -657,7 +657,7 @@ def _provenance(matrix: Matrix) -> Iterator[doc.Block]:
 
 
 def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: str) -> doc.Document:
-    """What an engine keeps, breaks and refuses, by its runs alone, and the settings of its presets.
+    """An engine by its runs alone: what it keeps, breaks and refuses, and its settings.
 
     Args:
         matrix: runs of all engines.
@@ -743,7 +743,7 @@ class _Side:
         return _ABSENT if found is None else f"{format_number(found.value)} {found.unit}"
 
     def ratio(self, problem: str, quantity: str) -> str:
-        """That error over its tolerance."""
+        """The same error over its tolerance."""
         found = self._found(problem, quantity)
         return _ABSENT if found is None else _size(found.ratio)
 
