@@ -24,7 +24,7 @@ from .document import (
     in_medium,
 )
 from .drawing import animation
-from .plots import Plot, Series
+from .plots import Plot, common_legend, with_own_colours
 
 
 def page(document: Document) -> str:
@@ -82,26 +82,27 @@ class _Page:
         return anchor
 
     def drawn(self, block: Figure) -> dict[str, Any]:
-        """A figure's legend, the places of its plots, and their data.
+        """A figure's legends, the places of its plots, and their data.
 
-        Arrays are put among those of the page.
+        Plots that list the same series have one legend above them, others each their own. Arrays
+        are put among those of the page.
         """
-        panels = block.panels()
+        panels = with_own_colours(block.panels())
         self.has_plots = True
         if block.anchor and block.title:
             self._list(3, block.title, block.anchor)
-        listed: dict[str, Series] = {}
+        common = common_legend(panels)
         places: list[dict[str, Any]] = []
         for plot in panels:
-            listed |= {series.name: series for series in plot.series if series.listed}
             # The plot in words, for those who do not see it.
             title = ", ".join(filter(None, (block.title, plot.title))) or "Plot"
             y, x = plot.y.heading or "value", plot.x.heading or "value"
             names = ", ".join(dict.fromkeys(series.name for series in plot.series if series.name))
             alt, height = f"{title}: {y} against {x}; {names}.", 0 if plot.equal else plot.height
-            places.append({"title": plot.title, "alt": alt, "height": height})
+            own = plot.legend if common is None else ()
+            places.append({"title": plot.title, "alt": alt, "height": height, "legend": own})
         return {
-            "legend": [*listed.values()] if len(listed) > 1 else [],
+            "legend": common or (),
             "panels": places,
             "columns": block.columns or min(len(panels), 3),
             "data": animation.script_json([self._plot(plot) for plot in panels]),
@@ -119,7 +120,7 @@ class _Page:
             data["series"].append({
                 "name": series.name, "x": self._add(series.x), "y": self._add(series.y),
                 "low": low, "high": high, "style": vars(series.style), "mark": series.mark,
-                "hints": series.hints,
+                "hints": series.hints, "listed": series.listed,
             })  # fmt: skip
         return data | {"equal": plot.equal, "height": plot.height}
 

@@ -6,10 +6,12 @@ repeat it, so that no line is told by its colour alone.
 
 from __future__ import annotations
 
+import colorsys
 import io
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -29,6 +31,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_OKABE_ITO = (
+    "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6bb1",
+)  # fmt: skip
+_GOLDEN = (math.sqrt(5) - 1) / 2  # of a turn of hue: multiples of it are never the same
 # Of engines that bring none: further ones of Okabe and Ito
 _COLOURS = ("#CC79A7", "#56B4E9", "#E69F00", "#8C6BB1")
 INK = "currentColor"  # the colour of the text around a plot, for what belongs to no engine
@@ -150,10 +156,57 @@ class Plot:
     equal: bool = False  # one scale for both axes
     height: int = 280  # [px]; follows from the width where the scales are equal
 
+    @property
+    def legend(self) -> tuple[Series, ...]:
+        """Series that a legend lists, each name once."""
+        return tuple({each.name: each for each in self.series if each.listed}.values())
 
-Panels = tuple[Plot, ...]  # plots beside each other under one legend
+
+Panels = tuple[Plot, ...]  # plots beside each other
+
+
+def common_legend(panels: Panels) -> tuple[Series, ...] | None:
+    """Series of the one legend of several plots, none for one series; None: each has its own."""
+    legends = [plot.legend for plot in panels]
+    keys = {tuple((each.name, each.style, each.mark) for each in legend) for legend in legends}
+    if len(keys) > 1:
+        return None
+    return legends[0] if len(legends[0]) > 1 else ()
+
+
+def with_own_colours(panels: Panels) -> Panels:
+    """The plots, with another colour for a series that has that of another one in its plot.
+
+    A series has the same colour in all of them. What no legend lists belongs to another series.
+    """
+    chosen: dict[tuple[str, str], str] = {}  # by name and colour of before
+    for plot in panels:
+        taken: dict[str, str] = {}  # name by colour
+        for series in plot.legend:
+            before = series.style.colour
+            colour = chosen.get((series.name, before), before)
+            if taken.get(colour.lower(), series.name) != series.name:
+                colour = next(free for free in distinct_colours() if free not in taken)
+            chosen[series.name, before] = colour
+            taken[colour.lower()] = series.name
+
+    def coloured(series: Series) -> Series:
+        colour = chosen.get((series.name, series.style.colour), series.style.colour)
+        return replace(series, style=replace(series.style, colour=colour))
+
+    return tuple(replace(plot, series=tuple(map(coloured, plot.series))) for plot in panels)
+
+
+def distinct_colours() -> Iterator[str]:
+    """Colours without end, no two the same: Okabe and Ito's, then hues a golden angle apart."""
+    yield from _OKABE_ITO
+    for k in count():
+        hue, light = (0.11 + k * _GOLDEN) % 1.0, (0.42, 0.30, 0.55)[k % 3]
+        parts = colorsys.hls_to_rgb(hue, light, 0.65)
+        yield "#" + "".join(f"{round(255 * part):02x}" for part in parts)
+
+
 REFERENCE_RUN = f"reference {ASSISTED}"  # label of the run that is the reference itself
-_OTHERS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # Okabe and Ito's
 _MOST_COORDINATES = 4  # whose start a label has
 
 
@@ -174,7 +227,10 @@ def motion_scene(states: States, runs: Mapping[str, Trajectory], **how: Any) -> 
             name = f"reference, {_start_in_words(mechanism)}"
         elif label != REFERENCE_RUN:
             style = run_style(run.provenance.engine, run.provenance.preset)
-            looks[label] = RunLook(run, style.colour, style.dashed)
+            colour = style.colour
+            if any(look.colour == colour for look in looks.values()):
+                colour = _free(looks, own)
+            looks[label] = RunLook(run, colour, style.dashed)
     return scene(states, looks, label=name, **how)
 
 
@@ -219,9 +275,9 @@ def _maker(run: Trajectory) -> str:
 
 
 def _free(looks: Mapping[str, RunLook], taken: Iterable[str] = ()) -> str:
-    """A colour that no other motion has, while there are any."""
-    used = {colour.lower() for colour in (*taken, *(look.colour for look in looks.values()))}
-    return next((c for c in _OTHERS if c not in used), _OTHERS[len(looks) % len(_OTHERS)])
+    """A colour that no other motion has."""
+    used = {*taken, *(look.colour for look in looks.values())}
+    return next(colour for colour in distinct_colours() if colour not in used)
 
 
 def _unlike(taken: Mapping[str, object], label: str) -> str:
@@ -259,21 +315,23 @@ _WIDTH, _HEIGHT = 4.2, 3.2  # of one plot [inches]
 
 
 def picture(panels: Panels, columns: int = 3, title: str = "") -> Figure:
-    """Plots beside each other under one legend, at most `columns` in a row."""
+    """Plots beside each other with their legends, at most `columns` in a row."""
     from matplotlib.figure import Figure  # without pyplot: no window, no global state
 
-    columns = min(columns, len(panels))
+    panels, columns = with_own_colours(panels), min(columns, len(panels))
     rows = math.ceil(len(panels) / columns)
     figure = Figure((columns * _WIDTH, rows * _HEIGHT + 0.6), layout="constrained")
     axes: list[Axes] = np.atleast_1d(figure.subplots(rows, columns)).ravel().tolist()
-    handles: dict[str, Any] = {}
+    common = common_legend(panels)
     for plot, on in zip(panels, axes, strict=False):
         _draw(plot, on)
-        lines, names = on.get_legend_handles_labels()
-        handles.update(zip(names, lines, strict=True))
+        if common is None:
+            on.legend(fontsize=7, frameon=False)
     for empty in axes[len(panels) :]:
         empty.set_visible(False)
-    if len(handles) > 1:
+    if common:
+        lines, names = axes[0].get_legend_handles_labels()
+        handles = dict(zip(names, lines, strict=True))
         place = "outside lower center"
         figure.legend(handles.values(), handles.keys(), loc=place, ncols=4, frameon=False,
                       fontsize=8)  # fmt: skip
@@ -348,7 +406,7 @@ def _draw_series(series: Series, on: Axes, bars: Sequence[Series], *, along_x: b
         else:
             on.bar(series.x + shift, series.y, width, **look)
         return
-    line = "--" if style.dashed else "-"
+    line = {"triangle": ":"}.get(style.symbol, "--") if style.dashed else "-"
     look |= {
         "linestyle": "none" if series.mark == "points" else line, "linewidth": style.width * 0.75,
         "alpha": 0.4 if style.colour == INK and not style.dashed else 1.0,

@@ -58,3 +58,19 @@ def test_a_page_is_light_and_asks_for_nothing(opened: Any) -> None:
 
 def test_every_control_is_reached_by_keyboard_and_shows_it(opened: Any) -> None:
     assert unreached(opened.look(DESKTOP)) == []
+
+
+def test_a_plot_s_legend_lists_its_own_curves_in_colours_of_their_own(opened: Any) -> None:
+    page = opened.look(DESKTOP)
+    plots = page.evaluate(
+        """() => [...document.querySelectorAll("figure.plot")].flatMap((figure) => {
+          const names = (box) => [...box.querySelectorAll(":scope > .legend button[data-name]")].map((b) => b.dataset.name);
+          const drawn = JSON.parse(figure.querySelector("script").textContent), boxes = [...figure.querySelectorAll(".panels > div")];
+          return drawn.map((plot, k) => [[...names(figure), ...names(boxes[k])],
+            plot.series.filter((s) => s.listed).map((s) => [s.name, s.style.colour])]);
+        })"""
+    )
+    for listed, series in plots:
+        names = dict(series)
+        assert len(set(names.values())) == len(names)
+        assert set(listed) == set(names) or (not listed and len(names) < 2)

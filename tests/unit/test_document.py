@@ -34,7 +34,15 @@ from trebucheck.comparisons.report.document import (
     terminal_only,
     without_empty_columns,
 )  # fmt: skip
-from trebucheck.comparisons.report.plots import Axis, Panels, Plot, Series
+from trebucheck.comparisons.report.plots import (
+    Axis,
+    Panels,
+    Plot,
+    Series,
+    Style,
+    picture,
+    with_own_colours,
+)
 
 
 def _page(*blocks: object) -> str:
@@ -213,6 +221,47 @@ def test_figures_are_drawn_for_pages_alone() -> None:
     figure = Figure(plots, "Motion", "of all bodies")
     assert "Motion" not in _terminal(figure) and not drawn
     assert "Motion" in _page(figure) and drawn == ["once"]
+
+
+def _drawn(*names: str, colour: str = "#0072b2", listed: bool = True) -> Plot:
+    line = np.array([0.0, 1.0])
+    series = [Series(name, line, line, Style(colour), listed=listed) for name in names]
+    return Plot(Axis("t", "s"), Axis("x", "m"), tuple(series))
+
+
+def _legends(*panels: Plot) -> list[list[str]]:
+    """Names in the legend above all plots of a page, and in that of each."""
+    page = _page(Figure(panels, "Motion"))
+    places = re.findall(r'<div class="legend">(.*?)</div>', page, re.DOTALL)
+    return [re.findall(r'data-name="(.*?)"', place) for place in places]
+
+
+def test_plots_have_one_legend_where_they_list_the_same_and_else_each_its_own() -> None:
+    assert _legends(_drawn("a", "b"), _drawn("a", "b")) == [["a", "b"]]
+    assert _legends(_drawn("tip"), _drawn("a", "b")) == [[], ["tip"], ["a", "b"]]
+    assert _legends(_drawn("a"), _drawn("a")) == [[]]
+    # What is called alike and looks otherwise is another one.
+    assert _legends(_drawn("a", "b"), _drawn("a", "b", colour="#123456"))[0] == []
+    figure = picture((_drawn("tip"), _drawn("a", "b")))
+    assert not figure.legends
+    own = [axes.get_legend() for axes in figure.axes]
+    assert [[text.get_text() for text in legend.texts] for legend in own if legend] == [
+        ["tip"], ["a", "b"],
+    ]  # fmt: skip
+    (common,) = picture((_drawn("a", "b"), _drawn("a", "b"))).legends
+    assert [text.get_text() for text in common.texts] == ["a", "b"]
+
+
+def test_no_two_curves_of_a_plot_have_one_colour() -> None:
+    many = [f"link {k}" for k in range(40)]
+    first, second = with_own_colours((_drawn(*many), _drawn(many[7], "other")))
+    colours = {series.name: series.style.colour for series in first.series}
+    assert len(set(colours.values())) == 40 and colours["link 0"] == "#0072b2"
+    # It is the same in all plots.
+    assert second.series[0].style.colour == colours["link 7"]
+    assert second.series[1].style.colour != colours["link 7"]
+    unlisted = _drawn("slope", listed=False)
+    assert with_own_colours((unlisted,)) == (unlisted,)
 
 
 def test_markdown_is_what_the_readme_holds() -> None:

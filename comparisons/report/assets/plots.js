@@ -3,6 +3,7 @@
 (() => {
   const arrays = JSON.parse(document.getElementById("arrays").textContent).map(decode);
   const groups = new Map(); // zoomed interval of x, and series left out, by group of plots
+  const DASHES = {triangle: "1.5 3"}; // each preset its own, as the symbols
   const LEFT = 70, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
   function decode(text) {
@@ -106,7 +107,7 @@
       if (s.low && s.mark === "bar") marks.push(Plot.ruleY(s.points, {y: "y", x1: "low", x2: "high", stroke: "currentColor"}));
       else if (s.low) marks.push(Plot.ruleY(s.points.filter((p) => p.y !== null), {y: "y", x1: "low", x2: "high", stroke: s.style.colour, clip: true}));
       if (s.mark === "line" || s.mark === "both") marks.push(Plot.line(s.points, {...style, strokeWidth: s.style.width,
-        strokeOpacity: s.style.colour === "currentColor" ? 0.35 : 1, strokeDasharray: s.style.dashed ? "4 3" : null}));
+        strokeOpacity: s.style.colour === "currentColor" ? 0.35 : 1, strokeDasharray: s.style.dashed ? DASHES[s.style.symbol] ?? "6 3" : null}));
       if (s.mark === "points" || s.mark === "both") marks.push(Plot.dot(s.points, {...style, r: 4, symbol: s.style.symbol,
         fill: s.style.dashed ? "var(--page)" : s.style.colour}));
     }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import cycle
 
 import numpy as np
 
@@ -15,10 +14,9 @@ from ...runs.balance import sampled_balance
 from ...runs.runner import Farthest, horizon_of
 from .. import document as doc
 from ..document import format_number, format_settings, sentence
-from ..plots import Axis, Plot, Series, Style, motions_scene
+from ..plots import Axis, Plot, Series, Style, distinct_colours, motions_scene
 from .tables import certified_figures
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _POINTS = 1000  # drawn per line, at most
 
 
@@ -57,7 +55,7 @@ def document(trajectory: Trajectory) -> doc.Document:
 
 def _lines(curves: Mapping[str, tuple[FloatArray, FloatArray]]) -> tuple[Series, ...]:
     series: list[Series] = []
-    for (name, (x, y)), colour in zip(curves.items(), cycle(_COLOURS), strict=False):
+    for (name, (x, y)), colour in zip(curves.items(), distinct_colours(), strict=False):
         drawn = np.unique(np.linspace(0, len(x) - 1, _POINTS).astype(int))
         series.append(Series(name, x[drawn], y[drawn], Style(colour)))
     return tuple(series)

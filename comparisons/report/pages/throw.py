@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import cycle
 
 import numpy as np
 
@@ -19,12 +18,11 @@ from ....version import __version__
 from .. import document as doc
 from ..document import sentence
 from ..drawing.scene import scene
-from ..plots import Axis, Band, Panels, Plot, Rule, Series, Style
+from ..plots import Axis, Band, Panels, Plot, Rule, Series, Style, distinct_colours
 from .tables import mechanism_as_data
 
 _POINTS = 600
 _PROJECTILE, _BEST, _SOFT = "#D55E00", "#009E73", "#8a97a5"
-_COLOURS = (_PROJECTILE, "#0072B2", _BEST, "#CC79A7", "#8C6BB1", "#56B4E9", "#E69F00")
 
 
 def flight_plot(performance: Performance) -> Panels:
@@ -46,7 +44,7 @@ def flight_plot(performance: Performance) -> Panels:
 
 def force_plots(performance: Performance) -> Panels:
     """Axial forces, upward forces of the ground and loads of the stops, up to the release."""
-    solution, throw, colours = performance.solution, performance.throw, cycle(_COLOURS)
+    solution, throw, colours = performance.solution, performance.throw, distinct_colours()
     mechanism, until = solution.problem.mechanism, performance.flight.release.time
     # Even samples, and both sides of the events, where a slope breaks.
     events = [segment.end for segment in solution.segments if segment.end < until]
