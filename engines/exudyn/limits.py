@@ -50,7 +50,7 @@ _IMPACT_MODEL = 2  # "much more accurate regarding the coefficient of restitutio
 
 
 @dataclass(frozen=True)
-class Spring:
+class LimitSpring:
     """Numbers of a unilateral element; of an angle [N m/rad, N m s/rad], a point [N/m, N s/m]."""
 
     stiffness: float
@@ -95,13 +95,13 @@ def recording_with_limits(
     return recorded
 
 
-def _spring(mechanism: Mechanism, stop: AnyStop, period: float, restitution: float) -> Spring:
+def _spring(mechanism: Mechanism, stop: AnyStop, period: float, restitution: float) -> LimitSpring:
     """The spring with a period [s] under the inertia that a stop feels at the start."""
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
     row = kinematics.gap_jacobian(stop.name, q)
     inertia = Inertia(mass_matrix(kinematics, q), kinematics.loop_jacobian(q))
     felt, rate = 1.0 / float(row @ inertia.response() @ row), 2.0 * math.pi / period
-    return Spring(felt * rate**2, 2.0 * felt * rate, restitution)
+    return LimitSpring(felt * rate**2, 2.0 * felt * rate, restitution)
 
 
 def _start_gap(mechanism: Mechanism, stop: AnyStop) -> float:
@@ -113,7 +113,7 @@ def _start_gap(mechanism: Mechanism, stop: AnyStop) -> float:
 # --- Stops on angles
 
 
-def _add_angle(builder: Builder, stop: elements.Stop, spring: Spring) -> None:
+def _add_angle(builder: Builder, stop: elements.Stop, spring: LimitSpring) -> None:
     if spring.restitution:
         _add_rebounding_angle(builder, stop, spring)
         return
@@ -133,7 +133,7 @@ def _add_angle(builder: Builder, stop: elements.Stop, spring: Spring) -> None:
     builder.system.limits[stop.name] = _AngleSpring(stop, gap, number)
 
 
-def _add_rebounding_angle(builder: Builder, stop: elements.Stop, spring: Spring) -> None:
+def _add_rebounding_angle(builder: Builder, stop: elements.Stop, spring: LimitSpring) -> None:
     gap = _start_gap(builder.mechanism, stop)
     node = _add_data(builder, [gap, 0.0])
     # The contact's gap is the second coordinate less the first, and less the offset.
@@ -179,7 +179,7 @@ class _ReboundingAngle:
     """A coordinate contact, which has no output of its force: it follows from the contact's law."""
 
     stop: elements.Stop
-    spring: Spring
+    spring: LimitSpring
     number: int
 
     def torque(self, values: Values) -> FloatArray:
@@ -201,7 +201,7 @@ class _ReboundingAngle:
 # --- Stops on points
 
 
-def _add_point(builder: Builder, stop: elements.PointStop, spring: Spring) -> None:
+def _add_point(builder: Builder, stop: elements.PointStop, spring: LimitSpring) -> None:
     refuse_own_wall(stop)
     mechanism, (start, _) = builder.mechanism, initial_state(builder.mechanism)
     kinematics, reach = Kinematics(mechanism), reach_of(mechanism)
@@ -262,7 +262,7 @@ class _PlaneContact:
         return float(system.output(self.number, "DisplacementLocal"))
 
 
-LIMITS: ElementTable[Callable[[Builder, Any, Spring], None]] = ElementTable(
+LIMITS: ElementTable[Callable[[Builder, Any, LimitSpring], None]] = ElementTable(
     "exudyn's limits",
     STOPS,
     {elements.Stop: _add_angle, elements.PointStop: _add_point},
