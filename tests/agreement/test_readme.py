@@ -30,15 +30,14 @@ def test_the_certified_launch_time() -> None:
 def test_the_readmes_table_is_the_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     table = importlib.import_module("generate").small_table(PAGE.read_text())
-    assert [line.count("|") for line in table.splitlines()] == [
-        8
-    ] * 5  # three figures a machine, three engines
+    # Three figures a machine; three presets of three engines.
+    assert [line.count("|") for line in table.splitlines()] == [8] * (2 + 9)
     assert f"<!-- generated: table -->\n{table}<!-- end -->" in README.read_text()
 
 
 def test_the_readme_is_short_and_light() -> None:
     text = README.read_text()
-    assert len(text.splitlines()) <= 60
+    assert len(text.splitlines()) <= 80
     pictures = re.findall(r"\((docs/pictures/[^)]+)\)", text)
     assert pictures
     assert all((ROOT / name).stat().st_size < 1_000_000 for name in pictures)
