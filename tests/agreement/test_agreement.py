@@ -114,7 +114,10 @@ def test_an_engine_alone_comes_near(engine_name: str, model: str, preset: str) -
     position = run.metric("position_max", "projectile")
     assert position is not None and position.value is not None
     machine = next(m for m in table_one().results.machines if m.model == model)
-    assert position.value < NEAR[preset] * machine.scales.length
+    # A rule of first order is off by the way that the projectile makes in a step or two.
+    step = float(run.settings.get("timestep") or 0.0)  # pyright: ignore[reportArgumentType]
+    allowed = max(NEAR[preset] * machine.scales.length, 2 * step * machine.scales.speed)
+    assert position.value < allowed
 
 
 def test_no_stated_need_is_idle(engine_name: str) -> None:

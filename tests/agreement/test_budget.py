@@ -131,12 +131,12 @@ def test_the_causes_are_the_ones_that_are_known(machines: dict[str, EngineRuns])
     assert (
         _share(_budget(trials, "pymunk", "assisted"), "position", "time step").fraction or 0.0
     ) > 0.9
-    start = _share(_budget(trials, "pymunk", "default"), f"{HANGER_REST} torque", "solver passes")
-    # Stops that hold their lengths get the passes that they need, too: either removal is enough,
-    # and each has half.
-    assert (start.first or 0.0) > 0.9 and start.fraction == pytest.approx(
-        (start.first or 0.0) / 2, rel=0.01
+    # A limit of Chipmunk's has no force at the start, and in its first step that of two; shorter
+    # steps, taken out last, have nothing left to take.
+    limit = _share(
+        _budget(trials, "pymunk", "settings"), f"{HANGER_REST} torque", "documented elements"
     )
+    assert (limit.first or 0.0) > 0.9
     located = _share(
         _budget(trials, "exudyn", "default"), f"{HANGER_REST} release", "event location"
     )
