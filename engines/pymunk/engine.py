@@ -52,9 +52,10 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     restitution; circles that collide with segments for stops on points; springs with their damping.
     A limit has no force in a step that begins without an error, as does every start; a stop is read
     as released at the end of the first step without one. A GrooveJoint takes the component across
-    its line of an impulse that would hold the point in both directions, so that a turning body
-    leaves the line at a part of the speed along it, and only the correction of errors brings it
-    back: the energy of such a mechanism is wrong, and two grooves on one body may be unstable.
+    its line of an impulse that would hold the point in both directions, so that a point beside the
+    centre of a turning body leaves the line at a share of its speed along it, and only the
+    correction of errors brings it back: such an error need not fall with the step, the energy is
+    wrong, and two grooves on one body may be unstable.
 
     With assistance (:mod:`.motion`) massless rods with a mass at their end are point masses on
     PinJoints; a closed stop on an angle is one more PinJoint that braces such a rod, or a GearJoint

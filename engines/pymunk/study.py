@@ -169,14 +169,18 @@ STUDY = study.EngineStudy(
     title="pymunk",
     binding="the Python wheel `pymunk`, with its own build of Chipmunk",
     maintainers_note=MaintainersNote(
-        chosen="Iterations and the correction of errors are all that Chipmunk lets one set; "
-        "with assistance positions and impulses are read as a leapfrog, whose order is "
-        "{{ best.order }}, and by itself {{ plain.order }}.",
-        not_possible="A limit has no restitution and no force in a step that begins without "
-        "an error; a groove takes a part of the impulse across its line, so that what slides "
-        "on a body that turns gains or loses energy.",
-        would_change="Velocities that are read between steps, and grooves that take the whole "
-        "impulse across their line.",
+        chosen="Iterations and the correction of errors: all of a pin's in a step, half of a "
+        "groove's (all of it makes two grooves on one body unstable), pymunk's own share of a "
+        "limit's (all of it leaves every second step without force); by itself the order is "
+        "{{ plain.order }}, with assistance, which reads it as a leapfrog, {{ best.order }}.",
+        not_possible="A RotaryLimitJoint has no restitution, and no force in a step that begins "
+        "without an error, as every start does; a GrooveJoint computes the impulse that would hold "
+        "its point in both directions and takes the component across its line, so that a point "
+        "beside the centre of mass of a body that turns leaves the line at a share of its speed "
+        "along it, whatever the iterations and the step.",
+        would_change="An impulse across a groove that stops the speed across it, as a PinJoint's "
+        "stops that along it; a limit that acts where its gap is closed and closing; speeds "
+        "that are told at the times of the positions.",
     ),
     colour="#D55E00",
 )  # fmt: skip
