@@ -210,7 +210,19 @@ def test_the_pymunk_lines_move_the_machine_as_the_engine_does(label: str) -> Non
     )
 
 
-@pytest.mark.parametrize("label", [options.name for options in option_sets("exudyn")])
+@pytest.mark.parametrize("label", ["default", "index 2", "settings"])
+def test_the_exudyn_lines_of_the_engine_alone_are_its_whole_run(label: str) -> None:
+    pytest.importorskip("exudyn")
+    step, mechanism, scope = 1e-2, tb.fixed(), dict[str, Any]()
+    exec(_texts("exudyn", label, mechanism, step)[EXUDYN_PYTHON], scope)
+    duration = float(scope["t"][-1])
+    own = configured("exudyn", _options("exudyn", label), step).simulate(
+        tb.Problem(mechanism, duration=duration)
+    )
+    assert duration > 2.74 and np.array_equal(scope["q"], own.q)
+
+
+@pytest.mark.parametrize("label", ["stops switched", "assisted"])
 def test_the_exudyn_lines_are_the_engines_settings(label: str) -> None:
     pytest.importorskip("exudyn")
     from trebucheck.engines.exudyn.build import build, silence
@@ -233,7 +245,7 @@ def test_the_exudyn_lines_are_the_engines_settings(label: str) -> None:
     assert system.main.systemData.GetTime() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("label", ["index 2"])
+@pytest.mark.parametrize("label", ["stops switched"])
 def test_the_exudyn_lines_release_the_stops(label: str) -> None:
     pytest.importorskip("exudyn")
     from trebucheck.engines.exudyn.build import build, silence

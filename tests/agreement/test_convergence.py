@@ -5,6 +5,7 @@ Orders, Richardson's limits, and the laws of their other knobs.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -21,6 +22,7 @@ from trebucheck.comparisons.converge import (
     swept_parameters,
 )
 from trebucheck.comparisons.runs import study as runs
+from trebucheck.engines.presets import ASSISTED, PRESETS
 from trebucheck.engines.study import SweptParameter
 from trebucheck.models.mechanism import Marker
 
@@ -65,14 +67,16 @@ def _machine(name: str, asked: tuple[str, ...]) -> MachineStudies:
 def _no_more_runs_than_needed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Repeats are for timing, floors have tests of their own, and default presets no bar here."""
 
-    def without_stock_steps(engine: str, names: list[str] | None = None) -> list[SweptParameter]:
+    def without_steps_alone(
+        engine: str, names: list[str] | None = None, presets: Iterable[str] = PRESETS
+    ) -> list[SweptParameter]:
         return [
             replace(knob, repeats=1)
-            for knob in swept_parameters(engine, names)
-            if (knob.name, knob.preset) != ("timestep", "default")
+            for knob in swept_parameters(engine, names, presets)
+            if knob.name != "timestep" or knob.preset == ASSISTED
         ]
 
-    monkeypatch.setattr(studying, "swept_parameters", without_stock_steps)
+    monkeypatch.setattr(studying, "swept_parameters", without_steps_alone)
     monkeypatch.setattr(studying, "floor", lambda *_: None)
 
 
