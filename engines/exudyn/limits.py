@@ -27,7 +27,7 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.appearance import reach_of
 from ...models.problem import StopLaw
 from ..events import ContactEvents, note_own_releases
-from ..impact import Inertia, mass_matrix
+from ..impact import Inertia, inverse, mass_matrix
 from ..protocol import Recording
 from .build import Builder, items, refuse_own_wall
 from .read import (
@@ -41,6 +41,7 @@ from .read import (
     rotation,
     turned,
 )
+from .solver import DEPENDENT
 
 _NO_LIMIT = 1e9  # [rad] the other side of a limit, which nothing turns to
 # In reaches of the mechanism: a sphere's radius, more than a stop gives way; how far its triangle
@@ -98,9 +99,12 @@ def recording_with_limits(
 def _spring(mechanism: Mechanism, stop: AnyStop, period: float, restitution: float) -> LimitSpring:
     """The spring with a period [s] under the inertia that a stop feels at the start."""
     kinematics, (q, _) = Kinematics(mechanism), initial_state(mechanism)
-    row = kinematics.gap_jacobian(stop.name, q)
-    inertia = Inertia(mass_matrix(kinematics, q), kinematics.loop_jacobian(q))
-    felt, rate = 1.0 / float(row @ inertia.response() @ row), 2.0 * math.pi / period
+    row, mass = kinematics.gap_jacobian(stop.name, q), mass_matrix(kinematics, q)
+    response = float(row @ inverse(mass) @ row)
+    in_loops = float(row @ Inertia(mass, kinematics.loop_jacobian(q)).response() @ row)
+    # Loops that hold a gap leave nothing but rounding of it.
+    felt = 1.0 / (in_loops if in_loops > DEPENDENT * response else response)
+    rate = 2.0 * math.pi / period
     return LimitSpring(felt * rate**2, 2.0 * felt * rate, restitution)
 
 
@@ -135,7 +139,9 @@ def _add_angle(builder: Builder, stop: elements.Stop, spring: LimitSpring) -> No
 
 def _add_rebounding_angle(builder: Builder, stop: elements.Stop, spring: LimitSpring) -> None:
     gap = _start_gap(builder.mechanism, stop)
-    node = _add_data(builder, [gap, 0.0])
+    # Exudyn shortens a step to the time in which the gap before it closes: to nothing where that is
+    # none. So a closed stop begins as if it were open.
+    node = _add_data(builder, [gap or 1.0, 0.0])
     # The contact's gap is the second coordinate less the first, and less the offset.
     item = items.ObjectContactCoordinate(
         markerNumbers=builder.rotations(stop.relative_to, stop.body)[:: -stop.sense],

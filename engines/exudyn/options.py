@@ -24,7 +24,7 @@ class ExudynOptions(ScaledOptions):
     )
     loop_integrator: Integrator | None = Field(
         default=None,
-        description="rule for mechanisms with loops, if it is another one",
+        description="rule for mechanisms with loops and without stops, if it is another one",
     )
     spectral_radius: Real = Field(
         default=0.9,
@@ -96,7 +96,8 @@ class ExudynOptions(ScaledOptions):
 
     def rule(self, mechanism: Mechanism) -> Integrator:
         """The integrator for a mechanism."""
-        return (self.loop_integrator if mechanism.loop_joints else None) or self.integrator
+        only_loops = mechanism.loop_joints and not mechanism.stops
+        return (self.loop_integrator if only_loops else None) or self.integrator
 
     def units(self, mechanism: Mechanism) -> Units:
         """SI where a stiffness is given, which is in SI units."""

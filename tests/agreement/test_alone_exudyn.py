@@ -240,6 +240,24 @@ def test_a_point_that_goes_past_the_end_of_its_wall_is_no_result() -> None:
         made(DEFAULT).simulate(Problem(mechanism, 0.1, stop_law=StopLaw.UNILATERAL))
 
 
+@pytest.mark.parametrize("start", [-0.1, 0.1])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_a_stop_that_is_closed_at_the_start_holds_or_opens(
+    start: float, restitution: float
+) -> None:
+    """A rod that hangs beside the vertical, on the side of a stop or of the other one's."""
+    down = np.pi / 2 + start
+    stop = Stop(
+        name="stop", body="rod", sense=1, limit=float(down), closed=True, restitution=restitution
+    )
+    problem = Problem(rod_pendulum(stop, start=float(down)), 0.3, stop_law=StopLaw.UNILATERAL)
+    exact = solve(problem)
+    assert (exact.release_times["stop"] is None) == (start > 0)
+    run = made(SETTINGS).simulate(problem)
+    there = exact.trajectory(run.t[run.t <= problem.duration])
+    assert np.abs(run.q[: len(there.t)] - there.q).max() <= 1e-6
+
+
 # --- What it does not do
 
 
