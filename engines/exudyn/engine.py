@@ -82,8 +82,8 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
         "adaptive_step": True,
         "ignore_singular": False,
     }
-    # The trapezoidal rule does not pass singular positions of loops. Generalised alpha does; but its
-    # multipliers' noise, which grows as 1/h^2, does not let it converge at stiff contacts. An
+    # The trapezoidal rule does not pass singular positions of loops. Generalised alpha does, but
+    # the noise of its multipliers grows as 1/h^2, and it does not converge at stiff contacts. An
     # adaptive step goes onto the beginning and the end of contacts, however short it has to be.
     settings_options: ClassVar[Mapping[str, object] | None] = {
         **_ALONE,
