@@ -30,7 +30,7 @@ from trebucheck.models.elements import (
     WeldJoint,
 )
 from trebucheck.models.errors import SimulationError, UnsupportedProblemError
-from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import characteristic_time, solve
@@ -498,3 +498,26 @@ def test_a_spring_between_bodies_that_turn_is_chipmunks_own(turning: bool) -> No
     assembly = build(mechanism, (), 0.0, 1e4)
     kinds = [type(joint).__name__ for joint in assembly.space.constraints]
     assert kinds.count("DampedRotarySpring") == turning and len(assembly.loads) == (not turning)
+
+
+def test_point_masses_that_meet_in_a_pin_of_a_free_mechanism() -> None:
+    """The space has no static body until it is asked for, which is in its rows as others are."""
+    half = math.pi / 3
+    hull = Body(name="hull", angle="h", mass=3.0, centre=(0, 0), inertia=0.7)
+    bobs = tuple(
+        Body(name=name, angle=name[0], mass=1.0, centre=(1, 0), inertia=0.0)
+        for name in ("left", "right")
+    )
+    joints = (
+        FreeJoint(name="flight", child="hull", coordinates=("x", "y")),
+        pin("on the left", "hull", "left", at=(-0.5, 0)),
+        pin("on the right", "hull", "right", at=(0.5, 0)),
+        pin("top", "left", "right", at=(1, 0), on=(1, 0)),
+    )
+    free = Mechanism(
+        name="vee", bodies=(hull, *bobs), joints=joints, stops=(), gravity=9.81,
+        start=(0.0, half, math.pi - half, 0.0, 0.0),
+    )  # fmt: skip
+    problem = Problem(free, duration=0.3)
+    row = PymunkEngine(hold_lengths=False).simulate(problem)
+    assert row.q[-1, :3] == pytest.approx(free.start[:3], abs=1e-9)  # it falls as it is
