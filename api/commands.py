@@ -6,3 +6,4 @@
 from __future__ import annotations
 
 from ..cli import options, output
+from ..models.errors import InputError

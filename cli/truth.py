@@ -19,7 +19,7 @@ from .options import argument, folder, option
 
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
-    from ..models.library.benchmark import BenchmarkParameters
+    from ..models.library.benchmark import Benchmark, BenchmarkParameters
 
 
 @command(
@@ -182,8 +182,6 @@ def problems_command(call: Call) -> bool:
 
     trebucheck compare --model slider-crank
     """
-    from ..comparisons.problems import check
-    from ..comparisons.report.pages.problems import document, listing
     from ..models.library.registry import benchmark, benchmarks
 
     if call.name is None:
@@ -192,8 +190,11 @@ def problems_command(call: Call) -> bool:
                 "--set is for one problem; name it, e.g. trebucheck problems pendulum --set "
                 "length=2."
             )
-        output.show(listing(benchmarks(call.tag)))
+        output.show(problem_list(benchmarks(call.tag)))
         return True
+    from ..comparisons.problems import check
+    from ..comparisons.report.pages.problems import document
+
     if call.tag is not None:
         raise InputError(
             f"--tag {call.tag} selects from the list; leave it out, or the name {call.name}."
@@ -204,3 +205,14 @@ def problems_command(call: Call) -> bool:
         checked = worker.compute(partial(check, chosen, parameters))
     output.show(document(checked))
     return checked.holds
+
+
+def problem_list(problems: Iterable[Benchmark]) -> Document:
+    """Name, tags, a line and the source of each problem."""
+    from ..comparisons.report.document import Document, table, words
+
+    heads = [words("name", wrap=False), *map(words, ("tags", "problem", "source"))]
+    rows: list[tuple[str, ...]] = []
+    for each in problems:
+        rows.append((each.name, ", ".join(each.tags), each.text, each.source))
+    return Document("Problems", (table(heads, rows),))

@@ -43,7 +43,6 @@ from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, UnsupportedProblemError
@@ -629,6 +628,8 @@ def root_in(function: Callable[[float], float], low: float, high: float) -> floa
 
     Where rounding hides the change of sign, the end with the smaller value.
     """
+    from scipy.optimize import brentq  # a third of a second, which lists of engines do not need
+
     # An engine's warm start makes a last bit depend on the steps before: each value is taken once.
     function = functools.cache(function)
     first, last = function(low), function(high)

@@ -21,8 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.interpolate import KroghInterpolator
-from scipy.optimize import brentq
 
 from .arrays import FloatArray
 from .mechanism import Mechanism
@@ -212,6 +210,7 @@ def _launch_between(
     velocity_at: Callable[[FloatArray], FloatArray], t0: float, t1: float, angle: float
 ) -> Launch:
     """Root of :func:`lead` between t0 and t1 [s] on a continuous velocity [m/s]."""
+    from scipy.optimize import brentq  # a third of a second, which lists of engines do not need
 
     def across(t: float) -> float:
         return float(lead(velocity_at(np.array([t]))[0], angle))
@@ -298,6 +297,8 @@ def _hermite(
     x: FloatArray, values: FloatArray, slopes: FloatArray
 ) -> Callable[[FloatArray], FloatArray]:
     """Derivative of the polynomial that takes the values and slopes at x."""
+    from scipy.interpolate import KroghInterpolator  # as above
+
     both = np.empty((2 * len(x), values.shape[1]))
     both[::2], both[1::2] = values, slopes
     # Nodes nearest to the interval first: Krogh's divided differences then lose the fewest digits.

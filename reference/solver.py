@@ -24,6 +24,7 @@ from ..models.errors import InputError, SimulationError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
+from . import TOLERANCE
 from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
 from .integrator import MOST_STEPS, CompiledIntegrator, Integrator, StepLimit, numerical, one_thread
@@ -37,8 +38,6 @@ _PARTS = 8  # of a window across a singular position, each probed as a step is
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
 _TIME_CONSTANTS = 3.0  # length of a step where a damper decides
 _ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
-TOLERANCE = 3e-14
-"""Just above the least of SciPy (100 machine epsilons): energy then varies by some 1e-13."""
 
 
 def solve(

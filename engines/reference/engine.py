@@ -1,29 +1,36 @@
-"""The reference as an engine: it passes the same tests as the others."""
+"""The reference as an engine: it passes the same tests as the others.
+
+What integrates is imported when it is asked for, as the libraries of the other engines are.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
+from ...models.elements import CubicTorsionSpring
+from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from ...models.spec import Real
-from ...reference.certification.redundant import BUILT, RedundantSystem
-from ...reference.solution import Solution
-from ...reference.solver import TOLERANCE, solve
-from ...reference.taylor.expressions import why_not_taylor
-from ...reference.taylor.solve import solve_taylor
+from ...reference import TOLERANCE
 from ...version import __version__
 from ..inspection import Dynamics, Inspection, State
 from ..presets import ASSISTED
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy, Tolerance
 from ..supplied import Assistance
+
+if TYPE_CHECKING:
+    from ...reference.solution import Solution
+
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+"""Classes of elements that both formulations have; the tests hold it against the second one's."""
 
 # The others are measured against the reference, so only an invariant can judge it here; its figures
 # are held to independent ones in tests/verification.
@@ -78,6 +85,10 @@ class ReferenceEngine(BuiltinEngine):
 
         Its settings say why "auto" did not take Taylor series.
         """
+        from ...reference.solver import solve
+        from ...reference.taylor.expressions import why_not_taylor
+        from ...reference.taylor.solve import solve_taylor
+
         if self.integrator == "taylor":
             return solve_taylor(problem)
         reason = why_not_taylor(problem) if self.integrator == "auto" else "asked for"
@@ -90,6 +101,8 @@ class ReferenceEngine(BuiltinEngine):
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The machine once more in redundant coordinates: the gate measures by the minimal ones."""
+        from ...reference.certification.redundant import RedundantSystem
+
         start, dynamics = RedundantSystem(mechanism), list[Dynamics]()
         for state in states:
             placed = {"start": tuple(state.q), "start_speeds": tuple(state.u)}

@@ -11,13 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import ClassVar, Literal, Protocol
 
 import numpy as np
-from scipy.integrate import quad
-from scipy.optimize import brentq
-from scipy.special import ellipj, ellipkm1
+import scipy  # its parts are loaded when they are first used: a list of problems uses none
 
 from ..arrays import FloatArray
 from ..elements import GROUND, PinJoint, PointStop, PrismaticJoint, SlotJoint
@@ -247,7 +246,8 @@ def passage(
         def distance(t: float) -> float:
             return at(quantity, t)(motion) - level
 
-        return float(brentq(distance, times[i], times[i + 1], xtol=1e-15, rtol=1e-15))
+        between = times[i], times[i + 1]
+        return float(scipy.optimize.brentq(distance, *between, xtol=1e-15, rtol=1e-15))
 
     return read
 
@@ -327,13 +327,13 @@ def swing_period(omega: float, amplitude: float) -> float:
         omega: of small swings [rad/s].
         amplitude: from the lowest position, below pi [rad].
     """
-    return 4.0 * float(ellipkm1(math.cos(amplitude / 2) ** 2)) / omega
+    return 4.0 * float(scipy.special.ellipkm1(math.cos(amplitude / 2) ** 2)) / omega
 
 
 def swing(omega: float, amplitude: float, t: FloatArray) -> FloatArray:
     """Angle from the lowest position at times t [s], let go at `amplitude` [rad], shape (n,)."""
     modulus = math.sin(amplitude / 2)
-    _, cn, dn, _ = ellipj(omega * t, modulus**2)
+    _, cn, dn, _ = scipy.special.ellipj(omega * t, modulus**2)
     return np.asarray(2.0 * np.arcsin(np.clip(modulus * cn / dn, -1.0, 1.0)), dtype=np.float64)
 
 
@@ -345,7 +345,7 @@ def turn_period(omega: float, top_speed: float) -> float:
         top_speed: in the highest position [rad/s].
     """
     bottom = math.sqrt(top_speed**2 + 4.0 * omega**2)
-    return 4.0 * float(ellipkm1((top_speed / bottom) ** 2)) / bottom
+    return 4.0 * float(scipy.special.ellipkm1((top_speed / bottom) ** 2)) / bottom
 
 
 def turn(omega: float, top_speed: float, t: FloatArray) -> FloatArray:
@@ -353,7 +353,8 @@ def turn(omega: float, top_speed: float, t: FloatArray) -> FloatArray:
     bottom = math.sqrt(top_speed**2 + 4.0 * omega**2)
     half = turn_period(omega, top_speed) / 2.0
     # From the lowest position it is 2 am(bottom t / 2); the quarter period of am is half a turn.
-    _, _, _, amplitude = ellipj(bottom * (t - half) / 2.0, (2.0 * omega / bottom) ** 2)
+    squared_modulus = (2.0 * omega / bottom) ** 2
+    _, _, _, amplitude = scipy.special.ellipj(bottom * (t - half) / 2.0, squared_modulus)
     return np.asarray(2.0 * amplitude + math.pi, dtype=np.float64)
 
 
@@ -438,5 +439,5 @@ def slow_swing_period(
 
 
 def _integral(function: Callable[[float], float], knots: list[float]) -> float:
-    pieces = pairwise(knots)
-    return math.fsum(quad(function, a, b, epsabs=0.0, epsrel=1e-13)[0] for a, b in pieces)
+    integral = partial(scipy.integrate.quad, function, epsabs=0.0, epsrel=1e-13)
+    return math.fsum(integral(a, b)[0] for a, b in pairwise(knots))

@@ -15,9 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from ..errors import EngineNotInstalledError, InputError
-from ..library.registry import model, models
 from .scene import SCENE_FILE
-from .writer import model_file
 
 __all__ = ["as_spec", "catapult", "fixed", "floating_arm", "hinged", "mjcf_path", "rolling"]
 
@@ -32,18 +30,21 @@ class MachinePaths(ModuleType):
     MJCF_PATH_SCENE: str
     """The model with ground, frame, light and camera."""
 
-    def __init__(self, machine: str) -> None:
+    def __init__(self, folder: Path) -> None:
+        machine = folder.name
         super().__init__(f"{__name__}.{machine.replace('-', '_')}", f"MJCF files of {machine}.")
-        folder = Path(str(files(__name__))) / machine
         vars(self).update(
             PACKAGE_PATH=str(folder),
-            MJCF_PATH=str(folder / model_file(model(machine))),
+            MJCF_PATH=str(folder / f"{machine}.xml"),
             MJCF_PATH_SCENE=str(folder / SCENE_FILE),
         )
         sys.modules[self.__name__] = self
 
 
-_PATHS = {name: MachinePaths(name) for name in models()}
+_PATHS: dict[str, MachinePaths] = {}
+for _folder in sorted(Path(str(files(__name__))).iterdir()):
+    if (_folder / SCENE_FILE).is_file():
+        _PATHS[_folder.name] = MachinePaths(_folder)
 catapult, fixed, floating_arm = _PATHS["catapult"], _PATHS["fixed"], _PATHS["floating-arm"]
 hinged, rolling = _PATHS["hinged"], _PATHS["rolling"]
 

@@ -18,13 +18,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from ..elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ..errors import InputError, UnsupportedProblemError
 from ..files import write_text
 from ..kinematics import initial_state
-from ..library.registry import Model, model
 from ..mechanism import Body, Mechanism
 from ..spec import Vector
 from .appearance import STONE, Appearance
@@ -46,6 +45,9 @@ from .tree import (
     valid_names,
 )
 from .variants import Numerics, Thrown, Variant, inertias
+
+if TYPE_CHECKING:
+    from ..library.registry import Model
 
 KINETIC_ENERGY, POTENTIAL_ENERGY = "energy/kinetic", "energy/potential"
 
@@ -110,6 +112,8 @@ def mjcf_names(mechanism: Model) -> Mapping[str, str]:
         InputError: nothing has that name.
         UnsupportedProblemError: as :func:`mjcf`.
     """
+    from ..library.registry import model  # all machines and problems, for names alone
+
     # Type checkers do not see that a description has a hash.
     return _names(cast("Any", model(mechanism)))
 

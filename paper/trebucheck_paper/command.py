@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from trebucheck.api.commands import options, output
-from trebucheck.api.mechanics import InputError
+from trebucheck.api.commands import InputError, options, output
 
 
 def paper_command(

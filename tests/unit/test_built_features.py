@@ -11,6 +11,7 @@ from pydantic import Field
 from trebucheck.engines.protocol import built_features
 from trebucheck.engines.units import Units, dimension, dimensions_of
 from trebucheck.models.elements import ELEMENTS, FORCE_ELEMENTS, ElementTable, Feature, FreeJoint
+from trebucheck.reference.certification import redundant
 
 # Fields of elements that are names, choices, or numbers without dimension.
 PLAIN = {
@@ -34,6 +35,11 @@ def test_a_class_that_is_not_built_is_not_claimed() -> None:
 def test_built_in_engines_claim_the_features_of_what_they_build(name: str) -> None:
     capabilities = tb.engines()[name].capabilities
     assert capabilities.features == built_features(capabilities.elements)
+
+
+def test_the_reference_claims_what_both_of_its_formulations_have() -> None:
+    claimed = tb.engines()["reference"].capabilities.elements
+    assert claimed == redundant.BUILT == frozenset(ELEMENTS)
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

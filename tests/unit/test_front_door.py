@@ -45,6 +45,18 @@ def test_no_engine_library_is_loaded() -> None:
     _python("\n".join([*code, "assert 'trebucheck' in sys.modules"]))
 
 
+def test_lists_load_no_library_of_an_engine_or_of_integration() -> None:
+    """Neither what engines are made of, nor the parts of SciPy, which take longer than a list."""
+    listed = (["engines"], ["models", "list"], ["problems"], ["models", "path", "fixed"])
+    heavy = (*ENGINE_LIBRARIES, "scipy.integrate", "scipy.optimize", "scipy.interpolate")
+    code = ["import contextlib, io, sys, trebucheck.__main__ as m"]
+    code += ["out = io.StringIO(); contextlib.redirect_stdout(out).__enter__()"]
+    code += [f"assert m.main({arguments}) == 0" for arguments in listed]
+    code += [f"loaded = [n for n in {heavy} if n in sys.modules]", "assert not loaded, loaded"]
+    code += ["assert 'mujoco' in out.getvalue() and 'pendulum' in out.getvalue()"]
+    _python("\n".join(code))
+
+
 @pytest.mark.parametrize(
     "first",
     [

@@ -15,12 +15,12 @@ import pytest
 import trebucheck as tb
 from rich.console import Console
 from trebucheck.cli.catalogue import engine_document
+from trebucheck.cli.truth import problem_list
 from trebucheck.comparisons.compare import Comparison
 from trebucheck.comparisons.report import terminal
 from trebucheck.comparisons.report.document import Column, Document, table
 from trebucheck.comparisons.report.pages import compare as report
 from trebucheck.comparisons.report.pages.compare import verdict_cell
-from trebucheck.comparisons.report.pages.problems import listing
 from trebucheck.comparisons.report.pages.run import certificate_report
 from trebucheck.comparisons.report.terminal import fitted
 from trebucheck.comparisons.runs.results import Outcome
@@ -65,7 +65,7 @@ def _agreement(width: int) -> list[str]:
 def _documents() -> list[Document]:
     certificate = load_certificate(tb.fixed())
     assert certificate is not None
-    return [_document(), listing(benchmarks(None)), certificate_report(certificate)]
+    return [_document(), problem_list(benchmarks(None)), certificate_report(certificate)]
 
 
 @pytest.mark.slow

@@ -4,23 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from ....models.library.benchmark import Benchmark
 from ...problems import ProblemCheck
 from .. import document as doc
 from ..document import format_number
 from .tables import capital
 
 _TITLES = "figure | unit | expected | reference | error | tolerance | basis"
-
-
-def listing(benchmarks: Iterable[Benchmark]) -> doc.Document:
-    """Name, tags, a line and the source of each."""
-    heads = [
-        doc.words("name", wrap=False),
-        *map(doc.words, ("tags", "problem", "source")),
-    ]
-    rows = [(each.name, ", ".join(each.tags), each.text, each.source) for each in benchmarks]
-    return doc.Document("Problems", (doc.table(heads, rows),))
 
 
 def document(check: ProblemCheck) -> doc.Document:
