@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from trebucheck.api.mechanics import report_with
-
-from .evidence.claims import Study
-
 if TYPE_CHECKING:
     from trebucheck.api.mechanics import TrebuchetParameters
-    from trebucheck.api.reports import Document
     from trebucheck.api.studies import Progress
+
+    from .evidence.claims import Study
 
 __all__ = ["paper"]
 
@@ -34,13 +31,3 @@ def paper(
     from .study import study
 
     return study(engines, parameters, sections=sections, timeout=timeout, progress=progress)
-
-
-def _document(study: Study) -> Document:
-    """The report, imported when it is asked for."""
-    from .report import document
-
-    return document(study)
-
-
-report_with(Study, _document)

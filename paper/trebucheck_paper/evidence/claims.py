@@ -10,10 +10,13 @@ from collections import Counter
 from collections.abc import Iterator
 from decimal import Decimal
 from enum import StrEnum
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from pydantic import Field, JsonValue
-from trebucheck.api.mechanics import InputError, Mechanism, Real, Reported, Spec
+from trebucheck.api.mechanics import InputError, Mechanism, Real, Reported, Spec, report_with
+
+if TYPE_CHECKING:
+    from trebucheck.api.reports import Document
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?")
 
@@ -201,3 +204,13 @@ class Study(Reported, Spec):
                 **value,
                 "verdict": claim.verdict.value,
             }
+
+
+def _document(study: Study) -> Document:
+    """The report, imported when it is asked for."""
+    from ..report import document
+
+    return document(study)
+
+
+report_with(Study, _document)
