@@ -167,15 +167,18 @@ STUDY = study.EngineStudy(
     title="Exudyn",
     binding="the Python wheel `exudyn`",
     maintainers_note=MaintainersNote(
-        chosen="Its default is generalised alpha with steps that it adapts; the trapezoidal "
-        "rule has the smaller errors where constraints keep their rank, and the order "
-        "{{ best.order }}.",
-        not_possible="Stops are its unilateral elements, springs whose stiffness has no "
-        "default; the trapezoidal rule does not pass the singular positions of loops. With "
-        "assistance stops are constraints that are switched, and a run begins anew beside "
-        "such positions.",
-        would_change="An event that switches a constraint inside a step, as its own contacts "
-        "are found.",
+        chosen="Its default is `SimulationSettings()`: generalised alpha of index 3 with steps "
+        "that it adapts. The trapezoidal rule of index 2 has the smaller errors where constraints "
+        "keep their rank, and the order {{ best.order }}; alone it is set with a full Newton "
+        "iteration and a least step that is short enough to find contacts, but for loops without "
+        "stops, whose singular positions it does not pass and generalised alpha does.",
+        not_possible="Stops are its unilateral elements (limits of coordinate springs, contacts "
+        "with an impact model), whose stiffness has no default: ours gives them a period of ten "
+        "steps, so that a rebound lasts five, and is of first order. With assistance stops are "
+        "constraints that are switched, and a run begins anew beside singular positions.",
+        would_change="A unilateral constraint, or an event that switches a constraint inside a "
+        "step, as its contacts are found already; an output of the force of "
+        "`ObjectContactCoordinate`, which is read off its law here.",
     ),
     colour="#009E73",
 )  # fmt: skip
