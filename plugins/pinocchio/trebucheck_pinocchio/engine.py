@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -10,6 +10,7 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import MOVED, Supplied
+from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.features import Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -26,8 +27,10 @@ class PinocchioEngine(BuiltinEngine):
     that close loops are held by constraint multipliers on these quantities; springs, dampers and
     motors are joint torques.
 
-    The default preset is the loop of Pinocchio's examples: `v += a h; q = integrate(q, v h)`, a
-    stop let go at the end of the first step after which it would pull.
+    Pinocchio has no time steps, so that there is no preset of Pinocchio alone, and no program. A
+    run speaks for its dynamics. With `scheme="semi-implicit Euler", locate_releases=False` it is
+    the loop of Pinocchio's examples, `v += a h; q = integrate(q, v h)`, a stop let go at the end of
+    the first step after which it would pull.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -43,13 +46,9 @@ class PinocchioEngine(BuiltinEngine):
         located_releases=True,
         stop_laws=frozenset(StopLaw),
         formulation="minimal relative joints (articulated-body algorithm), stops and loops by "
-        "multipliers, RK4 (default: semi-implicit Euler, releases at a step's end)",
+        "multipliers, RK4 of trebucheck (or semi-implicit Euler)",
         features=frozenset(Feature),
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {
-        "scheme": "semi-implicit Euler",
-        "locate_releases": False,
-    }
 
     scheme: Literal["RK4", "semi-implicit Euler"] = Field(
         default="RK4", description="time-stepping scheme, in joint coordinates"
@@ -68,6 +67,12 @@ class PinocchioEngine(BuiltinEngine):
 
         motion = Motion(problem.mechanism, self.scheme)
         return EventDriver(problem, motion, self.name, self.timestep, self.locate_releases).run()
+
+    def _script(self, problem: Problem) -> str:
+        raise UnsupportedProblemError(
+            "Pinocchio computes dynamics and has no time steps: those of each run are "
+            "trebucheck's, so that no run is a program of Pinocchio alone."
+        )
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state."""

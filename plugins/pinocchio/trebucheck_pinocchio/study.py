@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from trebucheck.engines.presets import ASSISTED
 from trebucheck.engines.study import (
     ASSISTED_SET,
-    DEFAULT_SET,
     REFINEMENT,
     Cause,
     ConstraintKinds,
     EngineStudy,
     Intervention,
     MaintainersNote,
+    OptionSet,
     time_step_cause,
 )
-from trebucheck_toolkit.scheme_tables import EULER_STEPS, RK4_LOCATED, located_tolerances
+from trebucheck_toolkit.scheme_tables import RK4_LOCATED, located_tolerances
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -37,8 +37,16 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={ASSISTED: RK4_LOCATED, DEFAULT: EULER_STEPS},
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
+    step_orders={ASSISTED: RK4_LOCATED},
+    option_sets=(
+        OptionSet(
+            "semi-implicit Euler",
+            "the loop of Pinocchio's examples, releases at a step's end",
+            ASSISTED,
+            {"scheme": "semi-implicit Euler", "locate_releases": False},
+        ),
+        ASSISTED_SET,
+    ),
     tolerances=located_tolerances(),
     title="Pinocchio",
     binding="the Python wheel `pin`",
