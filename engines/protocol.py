@@ -41,6 +41,7 @@ from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .options import current_name
 from .presets import ASSISTED, DEFAULT, SETTINGS
+from .reading import clocked
 from .study import EngineStudy
 from .supplied import NOTHING, Assistance, Supplied, by_part
 
@@ -259,13 +260,13 @@ class BuiltinEngine(EngineOptions, ABC):
         started = time.perf_counter()
         try:
             # Overflow on the way to a divergence is reported once, by the check of the result.
-            with np.errstate(all="ignore"):
+            with np.errstate(all="ignore"), clocked() as clock:
                 recording = self._run(movable)
         except TrebucheckError:
             raise
         except Exception as error:
             raise SimulationError(f"{self.name} failed: {type(error).__name__}: {error}") from error
-        wall = time.perf_counter() - started
+        wall, processor = time.perf_counter() - started, clock.elapsed()
         self._refuse_wrong_result(problem, recording)
         if idle:
             no_torques = dict.fromkeys(idle, np.zeros(len(recording.t)))
@@ -284,6 +285,8 @@ class BuiltinEngine(EngineOptions, ABC):
             stop_law=problem.stop_law.value,
             steps=recording.steps,
             wall_time=wall,
+            processor_time=processor,
+            reading_time=clock.reading,
         )
         fields = {key: value for key, value in vars(recording).items() if key != "steps"}
         return Trajectory(mechanism=mechanism, provenance=provenance, **fields)

@@ -53,6 +53,24 @@ class Provenance:
     steps: int
     wall_time: float
     """Time of the whole `simulate`: build, run and read-out [s]."""
+    processor_time: float | None = None
+    """Processor time of the same, all threads of the process together [s]; None: not measured."""
+    reading_time: float | None = None
+    """Part of it in which the adapter read the engine, not the engine's own work [s].
+
+    None: the adapter does not tell it apart.
+    """
+
+    def known(self) -> dict[str, object]:
+        """Fields by name, without what was not measured."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+    @property
+    def cost(self) -> float | None:
+        """Processor time without reading, as far as that is told apart [s]; None: not measured."""
+        if self.processor_time is None:
+            return None
+        return self.processor_time - (self.reading_time or 0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -225,7 +243,7 @@ class Trajectory(Reported):
         attributes = {
             "format": FORMAT,
             "mechanism": self.mechanism.model_dump_json(),
-            "provenance": json.dumps(asdict(self.provenance)),
+            "provenance": json.dumps(self.provenance.known()),
             "impacts": json.dumps([[time, dict(impulses)] for time, impulses in self.impacts]),
         }
         dataset = xr.Dataset(data, coords=coords, attrs=attributes)

@@ -57,7 +57,18 @@ DIGITS = 5
 LEAST = 1e-7
 """Smaller values are rounding, and counted as this."""
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-_LEFT_OUT = ("time_limit", "wall_time", "made", "version", "sha256", "hash", "settings", "seconds")
+_LEFT_OUT = (
+    "time_limit",
+    "wall_time",
+    "processor_time",
+    "reading_time",
+    "made",
+    "version",
+    "sha256",
+    "hash",
+    "settings",
+    "seconds",
+)
 
 
 def flat(value: Any) -> Iterator[float | str]:

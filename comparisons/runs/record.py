@@ -101,6 +101,8 @@ class RunRecord(Spec):
     time_limit: Real | None = None  # at which it was stopped [s]
     steps: Annotated[int, Field(ge=0)] = 0
     wall_times: tuple[Real, ...] = ()  # of the whole simulate, warm, one a repeat [s]
+    processor_times: tuple[Real, ...] = ()  # of the same repeats [s]; none: not measured
+    reading_times: tuple[Real, ...] = ()  # the adapters' part of these [s]; none: not told apart
     metrics: tuple[Metric, ...] = ()  # without tolerances
     curves: Curves | None = None  # of sweeps that ask for them
     equality: Equality | None = None  # of compare only, as are the next three
@@ -113,6 +115,12 @@ class RunRecord(Spec):
     def ran(self) -> bool:
         """Tell whether the run came to its end and was measured."""
         return self.outcome is Outcome.NOT_JUDGED
+
+    @property
+    def costs(self) -> tuple[float, ...]:
+        """Processor times of the repeats without reading [s], as far as that is told apart."""
+        reading = self.reading_times or (0.0,) * len(self.processor_times)
+        return tuple(all_ - ours for all_, ours in zip(self.processor_times, reading, strict=True))
 
     @property
     def position(self) -> float | None:
@@ -144,10 +152,23 @@ class RunRecord(Spec):
     def measured(
         self, trajectory: Trajectory, metrics: Iterable[Metric], curves: Curves | None = None
     ) -> RunRecord:
-        """Returns the record of a run that came to its end, with its steps and its wall time."""
-        steps, wall_times = trajectory.provenance.steps, (trajectory.provenance.wall_time,)
-        update = {"steps": steps, "wall_times": wall_times, "curves": curves}
-        return self.model_copy(update={**update, "metrics": tuple(metrics)})
+        """Returns the record of a run that came to its end, with its steps and its times."""
+        update = {"steps": trajectory.provenance.steps, "curves": curves}
+        measured = self.model_copy(update={**update, "metrics": tuple(metrics)})
+        return measured.timed_again(trajectory)
+
+    def timed_again(self, trajectory: Trajectory) -> RunRecord:
+        """Returns the record with the times of one more repeat."""
+        run = trajectory.provenance
+        times = {
+            "wall_times": run.wall_time,
+            "processor_times": run.processor_time,
+            "reading_times": run.reading_time,
+        }
+        update = {
+            name: (*getattr(self, name), time) for name, time in times.items() if time is not None
+        }
+        return self.model_copy(update=update)
 
 
 def new_record(name: str, preset: str, engine: Engine, given: Mechanism) -> RunRecord:
@@ -310,13 +331,14 @@ class EngineRuns:
                 known = store.record(key, RunRecord, made_by)
                 (store.taken if known else store.made).add(key)
             record = known or make(self.runner, engine, given, curves=self._curves)
-            walls = list(record.wall_times)
             # It did run: a repeat that fails costs a time, not the record.
             with suppress(Exception):
-                while record.ran and len(walls) < repeats and sum(walls) < _TIMED_FOR:
-                    walls.append(self.runner.simulate(engine, given).provenance.wall_time)
-            if len(walls) > len(record.wall_times):
-                record = record.model_copy(update={"wall_times": tuple(walls)})
+                while (
+                    record.ran
+                    and len(record.wall_times) < repeats
+                    and sum(record.wall_times) < _TIMED_FOR
+                ):
+                    record = record.timed_again(self.runner.simulate(engine, given))
             if store is not None and record is not known:
                 store.keep_record(key, record, made_by, self.runner.worker.jobs)
             self._known[key] = record
@@ -360,6 +382,8 @@ def run_row(record: RunRecord, engine: Engine, mechanism: Mechanism) -> Run:
         settings=record.settings,
         steps=record.steps,
         wall_time=next(iter(record.wall_times), None),
+        processor_time=next(iter(record.processor_times), None),
+        reading_time=next(iter(record.reading_times), None),
         equality=record.equality,
         metrics=record.metrics,
         diagnosis=None if record.ran else record.diagnosis,

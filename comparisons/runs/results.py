@@ -290,6 +290,10 @@ class Run(OfEngine, Measured, Spec):
     settings: dict[str, JsonValue] = Field(default_factory=dict)
     steps: Annotated[int, Field(ge=0)] = 0
     wall_time: Real | None = Field(default=None, description="of the whole simulate, warm [s]")
+    processor_time: Real | None = optional(None, "of the same, by all threads [s]")
+    reading_time: Real | None = optional(
+        None, "part of the processor time in which the adapter read the engine [s]"
+    )
     equality: Equality | None = Field(default=None, description="None where nothing was built")
     metrics: tuple[Metric, ...] = ()
     diagnosis: Diagnosis | None = Field(default=None, description="of a failed check or tolerance")

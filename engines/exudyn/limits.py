@@ -29,6 +29,7 @@ from ...models.problem import StopLaw
 from ..events import ContactEvents, note_own_releases
 from ..impact import Inertia, inverse, mass_matrix
 from ..protocol import Recording
+from ..reading import timed_reading
 from .build import Builder, items, refuse_own_wall
 from .read import (
     AngleLimit,
@@ -86,6 +87,7 @@ def build_with_limits(mechanism: Mechanism, law: StopLaw, period: float) -> Syst
     return builder.finished()
 
 
+@timed_reading()
 def recording_with_limits(
     system: System, columns: Mapping[SensorKey, slice], table: FloatArray, steps: int
 ) -> Recording:

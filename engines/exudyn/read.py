@@ -23,6 +23,7 @@ from ...models.spec import Vector
 from ...models.trajectory import PointMotion
 from ..events import ContactEvents, Contacts
 from ..protocol import Recording
+from ..reading import timed_reading
 
 # By name: the library has no types, and a plain import would need a mark at each use.
 exu: Any = importlib.import_module("exudyn")
@@ -300,6 +301,7 @@ class System:
             key: slice(a, b) for key, a, b in zip(self.sensors, ends[:-1], ends[1:], strict=True)
         }
 
+    @timed_reading()
     def stored(self) -> FloatArray:
         """Table of what all sensors stored in the last run, shape (n, columns)."""
         data = [np.asarray(self.main.GetSensorStoredData(n)) for n in self.sensors.values()]
@@ -397,6 +399,7 @@ class BodyCoordinates:
         return np.stack(rows)
 
 
+@timed_reading()
 def recording(
     system: System,
     columns: Mapping[SensorKey, slice],

@@ -17,6 +17,7 @@ from ...models.problem import Problem
 from .. import study
 from ..events import ContactEvents, note_own_releases, whole_steps
 from ..protocol import Recording
+from ..reading import timed_reading
 from .build import compiled, start_data, stop_constraints
 from .compat import mujoco
 from .motion import STATE, raised_warnings, rollout
@@ -53,19 +54,21 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
     with raised_warnings():
         # Its sensors are those before each step.
         states, sensors = rollout(model, data, before[None], nstep=steps)
-        mujoco.mj_setState(model, data, states[0, -1], STATE)
-        mujoco.mj_forward(model, data)
-    times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
-    samples = Samples(steps=steps)
-    samples.add(
-        times,
-        np.concatenate([before[None], states[0]]),
-        np.concatenate([sensors[0], data.sensordata[None]]),
-    )
-    events = ContactEvents(mechanism, "mujoco")
-    recorded = recording(mechanism, model, stop_constraints(mechanism, model), samples, events)
-    note_own_releases(events, times, recorded.stop_torques)
-    return recorded
+        with timed_reading():
+            mujoco.mj_setState(model, data, states[0, -1], STATE)
+            mujoco.mj_forward(model, data)
+    with timed_reading():
+        times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
+        samples = Samples(steps=steps)
+        samples.add(
+            times,
+            np.concatenate([before[None], states[0]]),
+            np.concatenate([sensors[0], data.sensordata[None]]),
+        )
+        events = ContactEvents(mechanism, "mujoco")
+        recorded = recording(mechanism, model, stop_constraints(mechanism, model), samples, events)
+        note_own_releases(events, times, recorded.stop_torques)
+        return recorded
 
 
 def model_text(mechanism: Mechanism, options: MujocoOptions) -> str:

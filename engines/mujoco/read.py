@@ -27,6 +27,7 @@ from ...models.mjcf.writer import (
 from ...models.trajectory import PointMotion
 from ..events import ContactEvents
 from ..protocol import Recording
+from ..reading import timed_reading
 from .build import UnilateralConstraint
 from .compat import counts_tendons_in_reactions
 
@@ -77,6 +78,7 @@ TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
 """Whether a `force` sensor takes off what an element does to the bodies beyond its joint."""
 
 
+@timed_reading()
 def recording(
     mechanism: Mechanism,
     model: Any,

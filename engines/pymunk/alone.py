@@ -36,6 +36,7 @@ from .. import study
 from ..events import ContactEvents, note_own_releases, whole_steps
 from ..point_masses import NoPointMasses
 from ..protocol import Recording
+from ..reading import read_each_step, timed_reading
 from .bodies import Assembly, LumpedMass, placed_part, without_welds
 from .leapfrog import Stepper
 from .options import ERROR_BIAS, PymunkOptions
@@ -373,38 +374,54 @@ def run_alone(problem: Problem, options: PymunkOptions) -> Recording:
     stepper.start(options.start_iterations, leapfrog=False)
     torques = {stop.name: np.zeros(steps + 1) for stop in problem.mechanism.stops}
 
-    def after_step() -> None:
+    @read_each_step
+    def read_impulses() -> None:
         for name, impulse in made.impulses().items():
             torques[name][stepper.steps] = impulse / h
+
+    def after_step() -> None:
+        read_impulses()
         made.push()
 
     made.push()
     stepper.run(1, options.start_iterations, after_step)
     stepper.run(steps - 1, options.iterations, after_step)
-    reading = MotionReading(made.assembly, stepper.samples(0))
-    q, u, _ = reading.motion
     times: FloatArray = h * np.arange(steps + 1, dtype=np.float64)
+    with timed_reading():
+        return _recording(problem, made, stepper, times, torques)
+
+
+def _recording(
+    problem: Problem,
+    made: DocumentedSpace,
+    stepper: Stepper,
+    times: FloatArray,
+    torques: dict[str, FloatArray],
+) -> Recording:
+    """Read the bodies at the times [s] of all steps."""
+    motion = MotionReading(made.assembly, stepper.samples(0))
+    q, u, _ = motion.motion
     lost = np.flatnonzero(~np.isfinite(np.hstack([q, u])).all(axis=1))
     if len(lost):
         raise SimulationError(
             f"pymunk diverged: its state is not finite at t = {times[lost[0]]:.6g} s."
         )
-    _refuse_ends(reading)
+    _refuse_ends(motion)
     events = ContactEvents(problem.mechanism, "pymunk")
     note_own_releases(events, times, torques, settled=_LIMITS_SETTLE)
-    kinetic, potential = reading.energies()
+    kinetic, potential = motion.energies()
     return Recording(
         t=times,
         q=q,
         u=u,
-        markers=reading.markers(),
+        markers=motion.markers(),
         kinetic_energy=kinetic,
         potential_energy=potential,
         stop_torques=torques,
         release_times=events.releases,
-        joint_reactions=_reactions(reading, torques),
-        joint_gaps=reading.gaps(),
-        steps=steps,
+        joint_reactions=_reactions(motion, torques),
+        joint_gaps=motion.gaps(),
+        steps=stepper.steps,
     )
 
 

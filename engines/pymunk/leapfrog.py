@@ -14,6 +14,7 @@ import cmath
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -24,6 +25,7 @@ from pymunk import constraints
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
+from ..reading import read_each_step
 from .bodies import Assembly, Rod
 from .loads import Pose, set_forces
 from .passes import convergence
@@ -261,6 +263,11 @@ class Stepper:
         self._holds_lengths = hold_lengths
         self._corrected = rods if hold_lengths else []
         self._sliding = [rod for rod in rods if isinstance(rod, SlidingRod)]
+        self._take_row: Callable[[], None] = partial(
+            pymunk.batch.get_space_bodies, self._space, _FIELDS, self._buffer
+        )
+        if not (self._corrected or self._sliding):  # else rows are for the corrections as well
+            self._take_row = read_each_step(self._take_row)
 
     def start(self, iterations: int, leapfrog: bool, settle: bool = False) -> None:
         """Make the first row; in a leapfrog, with the velocities of half a step later.
@@ -340,7 +347,7 @@ class Stepper:
                 if loads:
                     set_forces(loads, self._next_poses())
                 space.step(h)
-                pymunk.batch.get_space_bodies(space, _FIELDS, self._buffer)
+                self._take_row()
                 self.steps += 1
                 # Where no rod is corrected, rows are read at the end, all at once.
                 if self._corrected or self._sliding:

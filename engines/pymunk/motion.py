@@ -40,6 +40,7 @@ from ..events import (
 )
 from ..impact import mass_matrix, pushing
 from ..protocol import Recording
+from ..reading import timed_reading
 from .build import build
 from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
@@ -260,6 +261,7 @@ class SteppedSegment:
         """Samples from one to another, both included; `near` tells full turns of the first."""
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
+    @timed_reading()
     def recording(self, last: int) -> Recording:
         """The segment up to a sample."""
         t, reading = self.times[: last + 1], self.reading(0, last)
@@ -469,6 +471,7 @@ class PymunkMotion:
         self.held = rest
         return rest
 
+    @timed_reading()
     def recording(self, events: ContactEvents) -> Recording:
         """The recordings of all segments."""
         return joined(self._recordings, events)

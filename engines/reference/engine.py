@@ -23,6 +23,7 @@ from ...version import __version__
 from ..inspection import Dynamics, Inspection, State
 from ..presets import ASSISTED
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
+from ..reading import timed_reading
 from ..study import EngineStudy, Tolerance
 from ..supplied import Assistance
 
@@ -134,7 +135,8 @@ class ReferenceEngine(BuiltinEngine):
         duration, interval = problem.duration, self.timestep
         grid = interval * np.arange(int(np.floor(duration / interval * (1 + 1e-12))) + 1)
         times = np.unique(np.concatenate([grid[grid <= duration], [duration], releases]))
-        trajectory = solution.trajectory(times)
+        with timed_reading():
+            trajectory = solution.trajectory(times)
         fields = {field.name for field in dataclasses.fields(Recording)} - {"steps"}
         return Recording(
             **{name: getattr(trajectory, name) for name in fields}, steps=solution.evaluations

@@ -206,7 +206,10 @@ def test_several_processes_give_the_same_study(tmp_path: Path) -> None:
     assert found[0] == found[1]
 
 
-_DIFFERING = ("wall_time", "wall_times", "jobs", "command")
+_DIFFERING = (
+    *("wall_time", "wall_times", "processor_time", "processor_times"),
+    *("reading_time", "reading_times", "jobs", "command"),
+)
 
 
 def _without_times(value: object) -> object:
