@@ -26,7 +26,7 @@ _WIDTH = 120
 
 @command(
     "models engines preset timestep duration until tolerance tolerances set beam option stop_law "
-    "diagnose resume jobs timeout quiet json",
+    "sweep diagnose resume jobs timeout quiet json",
     folder("report", "Folder for report, summary.md, results.json and trajectories."),
 )
 def compare_command(call: Call) -> bool:

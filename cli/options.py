@@ -213,6 +213,12 @@ OPTIONS = {
         bool,
         True,
     ),
+    "sweep": option(
+        "--sweep",
+        "Run at other time steps as well, for diagrams of cost and error.",
+        bool,
+        False,
+    ),
     "timeout": option("--timeout", "Longest wait for one run (s).", float, 600.0),
     "quiet": option("--quiet -q", "Print only the verdict in a line, and the files.", bool, False),
     "json": option("--json", "Print the results as JSON, and nothing else.", bool, False),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import closing
@@ -14,6 +15,7 @@ from typing import Any
 
 from ..engines.protocol import Engine
 from ..engines.registry import Engines, Names
+from ..engines.registry import engine as make_engine
 from ..models.errors import InputError, SimulationError, UnwritableError
 from ..models.files import read_bytes
 from ..models.library.registry import Models
@@ -27,7 +29,16 @@ from .diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diag
 from .diagnosis.rerun import Rerun
 from .report.document import format_number
 from .runs.process import OnDemand, Worker, in_order, simulate
-from .runs.record import RunErrors, RunRecord, judged, machine_row, new_record, pair_of, run_row
+from .runs.record import (
+    EngineRuns,
+    RunErrors,
+    RunRecord,
+    judged,
+    machine_row,
+    new_record,
+    pair_of,
+    run_row,
+)
 from .runs.results import (
     COMPARED,
     FORMAT,
@@ -38,12 +49,21 @@ from .runs.results import (
     Pair,
     Results,
     Run,
+    WorkPoint,
 )
 from .runs.runner import Runner
 from .runs.store import Store, conditions, digest
 from .runs.study import Study, Until
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
+
+
+HOLDS = 1e-3
+"""Position error in parts of the way that a cheapest run may have: a default verdict's."""
+_SHORTER, _LONGER = (0.5, 0.25, 0.125), (2.0, 4.0, 8.0, 16.0, 32.0)  # steps of a sweep
+_LOST = 0.1  # position error in parts of the way beyond which longer steps tell nothing
+_LONGEST_STEP = 0.05  # of the compared time
+_TIMED = 3  # repeats, fewer where runs are long
 
 
 @dataclass(frozen=True)
@@ -87,6 +107,7 @@ class MachineRuns:
 
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
         self.store, self._needs, self.diagnoses = study.store, study.needs, study.diagnose
+        self._sweeps = study.sweep
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
         self._made_by, kept = conditions(*self.runner.conditions), None
         if self.store is not None:
@@ -123,7 +144,37 @@ class MachineRuns:
             path = self.store.path(case.model, case.label)
             record = record.model_copy(update={"trajectory": digest(path) or ""})
             self.store.keep_record(path.stem, record, made_by)
+        if self._sweeps and run.outcome in COMPARED:
+            run = run.model_copy(update={"sweep": tuple(self._swept(engine))})
         return FinishedRun(record, run, motion, errors, taken)
+
+    def _swept(self, made: Engine) -> list[WorkPoint]:
+        """Cost and errors at the step and at longer ones, until the error says nothing any more.
+
+        Where the run is off by more than a thousandth of its way, at shorter ones as well.
+        """
+        step, longest = made.timestep, _LONGEST_STEP * self.machine.judged_to
+        if step is None:
+            return []
+        runs, points = EngineRuns(self.runner, self.store, curves=False), list[WorkPoint]()
+        way = self.machine.scales.way
+
+        def measured(factor: float) -> float:
+            """Position error at this part of the step, in parts of the way; infinite if none."""
+            options = {**made.settings, "timestep": float(f"{factor * step:.10g}")}
+            record = runs.record(make_engine(made.name, made.preset, **options), _TIMED)
+            if record.ran:
+                points.append(record.work)
+            return math.inf if record.position is None else record.position / way
+
+        error = measured(1.0)
+        for factor in _SHORTER if error > HOLDS else ():
+            if measured(factor) <= HOLDS:
+                break
+        for factor in _LONGER:
+            if factor * step > longest or measured(factor) > _LOST:
+                break
+        return sorted(points, key=lambda point: -point.timestep)
 
     def _kept(self, case: RunKey, made_by: str) -> _Measured | None:
         """The run from the store, if its trajectory's file is unchanged."""
@@ -258,6 +309,7 @@ def compare(
     store: Store | None = None,
     isolate: bool = True,
     diagnose: bool = True,
+    sweep: bool = False,
     timeout: float = 600.0,
     jobs: int = 1,
     progress: Callable[[RunKey, int, int], None] | None = None,
@@ -286,6 +338,8 @@ def compare(
         isolate: simulate in a process of its own, so that an engine's crash costs only its row.
         diagnose: look for the causes of exceeded tolerances, which runs changed mechanisms and may
             take several times as long as the runs themselves; without it, verdicts are the same.
+        sweep: run at longer time steps as well, and at shorter ones where a run is off by more than
+            a thousandth of its way, for work-precision diagrams; doubles the time of the runs.
         timeout: longest wait for one isolated run [s]; a longer run becomes a failed row.
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
@@ -310,6 +364,7 @@ def compare(
         store=store,
         isolate=isolate,
         diagnose=diagnose,
+        sweep=sweep,
         timeout=timeout,
         jobs=jobs,
     )

@@ -43,7 +43,7 @@ from ..reference.certification.certificate import REFUSED_BELOW
 from .report.document import format_number
 from .runs.process import all_in_order
 from .runs.record import Curves, EngineRuns, RunRecord, runs_of
-from .runs.results import ComparedMotion, OfEngine, ResultFile
+from .runs.results import ComparedMotion, OfEngine, ResultFile, WorkPoint, optional
 from .runs.runner import run_duration
 from .runs.study import Counter, RunOptions, Study
 
@@ -119,6 +119,7 @@ class Point(Spec):
     own_torque: Real | None = None
     steps: Annotated[int, Field(ge=0)] = 0
     wall_times: tuple[Real, ...] = Field(default=(), description="warm, one a repeat [s]")
+    work: WorkPoint | None = optional(None, "of a time step; null of other knobs, or not kept")
 
     def error(self, quantity: QuantityName, own: bool = False) -> float | None:
         """Error of a quantity; `own`: the part that the knob makes."""
@@ -186,6 +187,7 @@ class MachineStudies(ComparedMotion):
         description="of the reference [m, N m or N], of what it has"
     )
     uncertainty_source: str
+    units: dict[str, str] = optional({}, "of the errors at time steps, by metric")
     studies: tuple[SweepStudy, ...]
     limits: tuple[RichardsonLimit, ...]
     pairs: tuple[LimitPair, ...]
@@ -704,6 +706,8 @@ class _Sweep:
         self.without = None if parameter.without is None else self._record(parameter.without, 1)
         self.records: list[RunRecord | None] = []  # None where the engine refused the options
         self.points: list[Point] = []
+        self.units: dict[str, str] = {}
+        """Units of the points' errors, by metric."""
         for value in parameter.values:
             count.start(f"{machine.mechanism.name}: {name} {parameter.preset} {parameter.name}")
             self._measure(value)
@@ -762,10 +766,15 @@ class _Sweep:
             base = self.without.curves
             own_position = largest(curves.position - base.position)
             own_torque = _largest(_torques(curves) - _torques(base))
+        work = record.work
+        if position and "position_max" in work.errors:
+            work.errors["position_max"] = position
+        self.units |= {m.name: m.unit for m in record.metrics if m.name in work.errors}
         self.points.append(
             Point(
                 value=value,
                 options=options,
+                work=work if self.of_step else None,
                 position=position,
                 torque=record.torque,
                 own_position=own_position,
@@ -892,6 +901,7 @@ def _machine(
         **runs.compared_motion,
         uncertainty=uncertainty,
         uncertainty_source=runs.runner.uncertainties.source,
+        units={name: unit for sweep in sweeps for name, unit in sweep.units.items()},
         studies=tuple(sweep.study for sweep in sweeps),
         limits=tuple(limits.values()),
         pairs=tuple(pairs),

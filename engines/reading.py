@@ -13,23 +13,45 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
+from statistics import median
 
-_APART = 64
+_APART = 16
 """Calls between two that are timed. The clock takes a microsecond, as long as a short reading."""
+
+
+@dataclass
+class _Sampled:
+    """Readings of single steps, some of which are timed."""
+
+    calls: int = 0
+    times: list[float] = field(default_factory=list[float])
+    """Of those that are timed [s]."""
+
+    @property
+    def total(self) -> float:
+        """Time of all [s]: a median, as one that is interrupted would stand for many."""
+        return self.calls * median(self.times) if self.times else 0.0
 
 
 @dataclass
 class ProcessorClock:
     """Processor time of a run, all threads of its process together."""
 
-    reading: float | None = None
-    """Spent in reading so far [s]; None: the adapter does not tell it apart."""
+    _blocks: float | None = None
+    _sampled: list[_Sampled] = field(default_factory=list[_Sampled])
     _reads: bool = False
     _started: float = field(default_factory=time.process_time)
 
     def elapsed(self) -> float:
         """Time since the run began [s]."""
         return time.process_time() - self._started
+
+    @property
+    def reading(self) -> float | None:
+        """Time spent in reading so far [s]; None: the adapter does not tell it apart."""
+        if self._blocks is None and not self._sampled:
+            return None
+        return (self._blocks or 0.0) + sum(sampled.total for sampled in self._sampled)
 
     @contextmanager
     def read(self) -> Generator[None]:
@@ -42,11 +64,28 @@ class ProcessorClock:
             yield
         finally:
             self._reads = False
-            self.add(time.process_time() - started)
+            self._blocks = (self._blocks or 0.0) + time.process_time() - started
 
-    def add(self, seconds: float) -> None:
-        """Count so much more as reading [s]."""
-        self.reading = (self.reading or 0.0) + seconds
+    def sampled(self, read: Callable[[], None]) -> Callable[[], None]:
+        """Returns a function that reads a step, and is timed now and then.
+
+        What the clock takes itself is taken off.
+        """
+        now, sampled = time.process_time, _Sampled()
+        self._sampled.append(sampled)
+
+        def timed() -> None:
+            sampled.calls += 1
+            if sampled.calls % _APART != 1:
+                read()
+                return
+            before = now()
+            begun = now()
+            read()
+            ended = now()
+            sampled.times.append(max(0.0, (ended - begun) - (begun - before)))
+
+        return timed
 
 
 _running: ContextVar[ProcessorClock | None] = ContextVar("clock of the run", default=None)
@@ -75,26 +114,6 @@ def timed_reading() -> Generator[None]:
 
 
 def read_each_step(read: Callable[[], None]) -> Callable[[], None]:
-    """Returns a function that reads one step, for which a part of its calls is timed.
-
-    Each of these stands for all up to the next one; what the clock takes itself is taken off.
-    """
+    """Returns a function that reads one step; some of its calls are timed, and stand for all."""
     clock = _running.get()
-    if clock is None:
-        return read
-    now, calls = time.process_time, 0
-
-    def timed() -> None:
-        nonlocal calls
-        calls += 1
-        # Not the first: it is slower than the others.
-        if calls % _APART:
-            read()
-            return
-        before = now()
-        begun = now()
-        read()
-        ended = now()
-        clock.add(_APART * max(0.0, (ended - begun) - (begun - before)))
-
-    return timed
+    return read if clock is None else clock.sampled(read)

@@ -194,6 +194,7 @@ class Figure(PagePart):
     anchor: str = ""
     group: str = ""  # figures of one group zoom together
     columns: int = 0  # plots in a row where there is room; 0: up to three
+    chosen: str = ""  # what the choices of its plots are, as 'quantity'
 
     def panels(self) -> Panels:
         """The plots."""

@@ -100,10 +100,12 @@ class _Page:
             names = ", ".join(dict.fromkeys(series.name for series in plot.series if series.name))
             alt, height = f"{title}: {y} against {x}; {names}.", 0 if plot.equal else plot.height
             own = plot.legend if common is None else ()
-            places.append({"title": plot.title, "alt": alt, "height": height, "legend": own})
+            place = {"title": plot.title, "alt": alt, "height": height, "legend": own}
+            places.append(place | {"choice": plot.choice})
         return {
             "legend": common or (),
             "panels": places,
+            "choices": [*dict.fromkeys(plot.choice for plot in panels if plot.choice)],
             "columns": block.columns or min(len(panels), 3),
             "data": animation.script_json([self._plot(plot) for plot in panels]),
         }

@@ -155,6 +155,7 @@ class Plot:
     bands: tuple[Band, ...] = ()
     equal: bool = False  # one scale for both axes
     height: int = 280  # [px]; follows from the width where the scales are equal
+    choice: str = ""  # a page shows those of one choice of a figure at a time; '': always
 
     @property
     def legend(self) -> tuple[Series, ...]:

@@ -85,6 +85,16 @@ class MetricKind:
     of_files: bool = False  # whether it is judged of files only: engines are not asked for it
     symbol: str = ""  # of its kind of quantity (:data:`SYMBOLS`); '' where it follows from another
 
+    @property
+    def words(self) -> str:
+        """The title in words, as pages have it."""
+        return self.title.replace("-", " ")
+
+    @property
+    def is_error(self) -> bool:
+        """Tell whether it is an error of the motion that falls with the step, judged by itself."""
+        return self.follows is None and self.scale != "base error" and self.name not in _OF_SAMPLES
+
     def subjects(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Names that a tolerance of it can be stated for."""
         of: dict[str, Iterable[str | None]] = {
@@ -126,6 +136,7 @@ class MetricKind:
         return self.scale_of(scales, subject, mechanism)
 
 
+_OF_SAMPLES = ("missing_time", "unseen_time")  # which a motion's samples have, not the motion
 SYMBOLS: Mapping[str, str] = {
     "x": "position",
     "v": "speed",

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from statistics import median
 from threading import Lock
 from typing import Annotated, Any
 
@@ -47,12 +48,14 @@ from .results import (
     Pair,
     Run,
     SingularPosition,
+    WorkPoint,
     verdict_on,
 )
 from .runner import Runner, failure
 from .store import Store, conditions
 from .study import Study
 from .tolerances import Needs, is_table_one, judge
+from .work import largest_errors
 
 GRID = 1000  # intervals of the common grid
 # Wall time [s] after which no repeat is made: a long run averages over disturbances by itself.
@@ -131,6 +134,22 @@ class RunRecord(Spec):
     def torque(self) -> float | None:
         """Largest error of any stop's torque or force at any sample [N m, N]."""
         return self.largest("stop_torque_max")
+
+    @property
+    def work(self) -> WorkPoint:
+        """Its cost and errors at its time step.
+
+        Raises:
+            KeyError: the engine has no time step.
+        """
+        reading = self.reading_times
+        return WorkPoint(
+            timestep=self.settings["timestep"],  # pyright: ignore[reportArgumentType]
+            steps=self.steps,
+            costs=self.costs,
+            reading_time=median(reading) if reading else None,
+            errors=largest_errors(self.metrics),
+        )
 
     def value(self, name: str, subject: str | None = None) -> float | None:
         """Value of the metric of that name and subject; None if there is none."""

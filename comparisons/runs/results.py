@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
 import platform
 import re
+from contextlib import suppress
 from enum import StrEnum
+from functools import cache
+from pathlib import Path
+from statistics import median
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, cast
 
 from pydantic import Field, JsonValue, model_validator
 
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
-from ...models.spec import Real, Spec
+from ...models.spec import Positive, Real, Spec
 from .scales import Scales
 
 FORMAT = "trebucheck-results-2"
@@ -48,6 +53,7 @@ class ResultFile(Spec):
     trebucheck_version: str
     python_version: str
     platform: str
+    processor: str | None = optional(None, "and the number of its cores; absent where unknown")
     command: str | None = optional(
         None, "command line that makes it again; absent where Python made it"
     )
@@ -64,13 +70,31 @@ class ResultFile(Spec):
             trebucheck_version=__version__,
             python_version=platform.python_version(),
             platform=f"{platform.system()} {platform.machine()}",
+            processor=_processor(),
             **content,
         )
+
+    @property
+    def machine_text(self) -> str:
+        """Versions and hardware that the results were made with, as a part of a sentence."""
+        where = self.platform if self.processor is None else f"{self.platform}, {self.processor}"
+        return f"trebucheck {self.trebucheck_version}, Python {self.python_version}, {where}"
 
     def made_by(self, command: str | None, jobs: int | None = None) -> Self:
         """Returns the same with the command line that makes it again and the runs made at once."""
         jobs = self.jobs if jobs is None else jobs
         return self.model_copy(update={"command": command, "jobs": jobs})
+
+
+@cache
+def _processor() -> str | None:
+    """Name and number of cores of the processor, where the system tells them."""
+    name = platform.processor()
+    with suppress(OSError):  # Linux, where the library knows the architecture alone
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        name = next((line.partition(":")[2] for line in lines if line.startswith("model name")), "")
+    cores = os.cpu_count()
+    return f"{' '.join(name.split())}, {cores} cores" if name and cores else None
 
 
 class ComparedMotion(Spec):
@@ -272,6 +296,26 @@ class Measured:
         return tuple(m for m in self.metrics if m.unjudged)
 
 
+class WorkPoint(Spec):
+    """Cost and errors of a run at one time step."""
+
+    timestep: Positive = Field(description="[s]")
+    steps: Annotated[int, Field(ge=0)]
+    costs: tuple[Real, ...] = Field(
+        description="processor time without the adapter's reading, one a repeat [s]; empty: not "
+        "measured"
+    )
+    reading_time: Real | None = optional(
+        None, "median, by the processor [s]; null: not told apart from the costs"
+    )
+    errors: dict[str, Real] = Field(description="largest error of each quantity, by its metric")
+
+    @property
+    def cost(self) -> float | None:
+        """Median of the costs [s]; None: not measured."""
+        return median(self.costs) if self.costs else None
+
+
 class Run(OfEngine, Measured, Spec):
     """One engine, preset and machine."""
 
@@ -293,6 +337,9 @@ class Run(OfEngine, Measured, Spec):
     processor_time: Real | None = optional(None, "of the same, by all threads [s]")
     reading_time: Real | None = optional(
         None, "part of the processor time in which the adapter read the engine [s]"
+    )
+    sweep: tuple[WorkPoint, ...] = optional(
+        (), "the same at other time steps, from long to short; empty: not asked for"
     )
     equality: Equality | None = Field(default=None, description="None where nothing was built")
     metrics: tuple[Metric, ...] = ()

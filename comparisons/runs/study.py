@@ -180,6 +180,7 @@ class _StudyFields(_HowRun, total=False):
 
     tolerances: Mapping[str, float | str] | None
     diagnose: bool
+    sweep: bool
 
 
 @dataclass(frozen=True)
@@ -204,6 +205,7 @@ class Study:
     tolerances: Mapping[str, float | str] | None = None  # as :meth:`.tolerances.Needs.of` reads
     store: Store | None = None  # where finished runs are kept; None: nowhere
     isolate: bool = True  # in a process of its own: an engine's crash costs only its row
+    sweep: bool = False  # run at other time steps, for work and precision; of comparisons only
     diagnose: bool = True  # look for the causes of exceeded tolerances; of comparisons only
     timeout: float = 600.0  # longest wait for one isolated run [s]
     jobs: int = 1  # processes at once: wall times include what runs cost each other

@@ -13,3 +13,18 @@ def test_reading_is_a_part_of_the_run(engine: str, preset: str) -> None:
     origin = tb.engine(engine, preset, timestep=5e-3).simulate(problem).provenance
     assert origin.processor_time is not None and origin.reading_time is not None
     assert 0.0 < origin.reading_time < origin.processor_time
+
+
+def test_a_sweep_has_the_step_of_the_run_and_longer_ones_with_larger_errors() -> None:
+    found = tb.compare(
+        "pendulum", "pymunk", "settings", until=1.0, diagnose=False, sweep=True, isolate=False
+    )
+    (run,) = found.results.runs
+    steps = [point.timestep for point in run.sweep]
+    assert len(steps) > 1 and steps == sorted(steps, reverse=True)
+    assert run.settings["timestep"] in steps
+    errors = [point.errors["position_max"] for point in run.sweep]
+    assert errors == sorted(errors, reverse=True)
+    assert all(point.cost and point.reading_time for point in run.sweep)
+    again = type(found.results).model_validate_json(found.results.to_json())
+    assert again.runs[0].sweep == run.sweep

@@ -2,7 +2,7 @@
 "use strict";
 (() => {
   const arrays = JSON.parse(document.getElementById("arrays").textContent).map(decode);
-  const groups = new Map(); // zoomed interval of x, and series left out, by group of plots
+  const groups = new Map(); // zoomed interval of x, the axis that it is of, and series left out, by group of plots
   const DASHES = {triangle: "1.5 3"}; // each preset its own, as the symbols
   const LEFT = 70, NAMES = 150, SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 
@@ -118,7 +118,7 @@
   }
 
   function draw(figure, plot, box) {
-    const state = groups.get(figure.dataset.group), interval = plot.x.categories.length ? null : state.interval;
+    const state = groups.get(figure.dataset.group), interval = state.across === plot.x.title ? state.interval : null;
     const series = plot.series.filter((s) => !state.hidden.has(s.name));
     const lines = series.every((s) => s.mark === "line");
     const inside = (p) => p.y !== null && (!interval || (p.x >= interval[0] && p.x <= interval[1]));
@@ -140,10 +140,10 @@
     drawn.setAttribute("aria-hidden", "true"); // its box has a name, and says what it shows
     box.replaceChildren(drawn);
     const toX = drawn.scale("x");
-    if (!plot.x.categories.length) brush(figure, drawn, (px) => toX.invert(px), width);
+    if (!plot.x.categories.length) brush(figure, drawn, (px) => toX.invert(px), width, plot.x.title);
   }
 
-  function brush(figure, drawn, invert, width) {
+  function brush(figure, drawn, invert, width, across) {
     let start = null, shade = null;
     const at = (event) => Math.min(width - 14, Math.max(LEFT, event.clientX - drawn.getBoundingClientRect().left));
     drawn.addEventListener("pointerdown", (event) => {
@@ -163,15 +163,16 @@
       const [a, b] = [start, at(event)].sort((p, q) => p - q);
       start = null;
       shade.remove();
-      if (b - a > 6) zoom(figure, [invert(a), invert(b)]);
+      if (b - a > 6) zoom(figure, [invert(a), invert(b)], across);
     };
     drawn.addEventListener("pointerup", end);
     drawn.addEventListener("pointercancel", end);
     drawn.addEventListener("dblclick", () => zoom(figure, null));
   }
 
-  function zoom(figure, interval) {
-    groups.get(figure.dataset.group).interval = interval;
+  // Plots over another axis stay as they are.
+  function zoom(figure, interval, across = null) {
+    Object.assign(groups.get(figure.dataset.group), {interval, across});
     redraw(figure.dataset.group);
   }
 
@@ -193,14 +194,28 @@
       }
     }
     figure.panels = panels;
-    figure.drawn = () => [...figure.querySelectorAll(".panel")].forEach((box, k) => draw(figure, panels[k], box));
+    figure.drawn = () => [...figure.querySelectorAll(".panel")].forEach((box, k) => box.closest("[hidden]") || draw(figure, panels[k], box));
     figure.drawn();
+  }
+
+  // Panels of one choice at a time; without scripts all of them are there.
+  function choose(figure) {
+    const choices = figure.querySelector(".choose"), select = choices?.querySelector("select");
+    if (!select) return;
+    const show = () => {
+      for (const panel of figure.querySelectorAll("[data-choice]")) panel.hidden = panel.dataset.choice !== select.value;
+      if (figure.drawn) figure.drawn();
+    };
+    select.addEventListener("change", show);
+    choices.hidden = false;
+    show();
   }
 
   function listen(figure) {
     const {group} = figure.dataset;
-    if (!groups.has(group)) groups.set(group, {interval: null, hidden: new Set()});
+    if (!groups.has(group)) groups.set(group, {interval: null, across: null, hidden: new Set()});
     figure.querySelector(".whole").addEventListener("click", () => zoom(figure, null));
+    choose(figure);
     for (const key of figure.querySelectorAll(".legend button")) {
       key.addEventListener("click", () => {
         const {hidden} = groups.get(group);

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from operator import attrgetter, methodcaller
 
 import numpy as np
@@ -26,12 +26,14 @@ from ...runs.balance import sampled_balance
 from ...runs.metrics import LEAST_START
 from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
 from ...runs.study import REFERENCE as REFERENCE_ENGINE
+from ...runs.work import work_of
 from .. import document as doc
 from .. import plots
 from ..document import format_number, format_settings, format_step, sentence
 from ..drawing.scene import Scene
 from ..plots import Axis, Panels, Plot, Rule, Series
-from . import tables
+from . import tables, work
+from .work import WorkLine
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
 _INTRODUCTION = (
@@ -64,8 +66,7 @@ def document(comparison: Comparison) -> doc.Document:
     if machines:
         blocks.append(doc.AnimationBlock(partial(_scenes, comparison)))
     blocks.append(_overview(results))
-    if any(run.wall_time for run in results.ran):
-        blocks.append(_work_precision(results))
+    blocks += _work_precision(results)
     for machine in machines:
         runs = _runs(results, machine)
         launch = "no launch"
@@ -414,23 +415,35 @@ def _energy_drift(solution: Solution, runs: Sequence[Line], rules: tuple[Rule, .
     return (Plot(_TIME, axis, tuple(series), height=250, rules=rules),)
 
 
-def _work_precision(results: Results) -> doc.Figure:
-    """Error of every run against its wall time: a panel a machine."""
-    time = Axis("wall time", "s", logarithmic=True)
-    distance = Axis("largest distance of a marker", "m", logarithmic=True)
-    series: dict[str, list[Series]] = {machine.model: [] for machine in results.machines}
-    for run in results.runs:
-        error = _POSITION.value(run)
-        if run.model in series and run.wall_time and error is not None:
-            style, hints = plots.run_style(run.engine, run.preset), (f"{run.steps} steps",)
-            x, y = np.array([run.wall_time]), np.array([error])
-            series[run.model].append(Series(run.label, x, y, style, "points", hints))
-    panels = tuple(Plot(time, distance, tuple(points), model) for model, points in series.items())
-    text = (
-        "Further left is quicker, further down more accurate. Wall times are of this computer, "
-        "with everything that the run does: build, simulation, read-out."
-    )
-    return doc.Figure(panels, "Error against wall time", text, "work-precision")
+def _work_lines(runs: Iterable[Run]) -> list[WorkLine]:
+    """Cost and errors of a machine's runs at the time steps that are known."""
+    return [
+        WorkLine(run.engine, run.preset, run.engine_version, points)
+        for run in runs
+        if (points := work_of(run)) and run.engine != REFERENCE_ENGINE
+    ]
+
+
+def _work_precision(results: Results) -> Iterator[doc.Figure]:
+    """Errors of every run against its cost and its steps: plots of each machine."""
+    of_machines = {m.model: _work_lines(_runs(results, m)) for m in results.machines}
+    every = [line for lines in of_machines.values() for line in lines]
+    if not every:
+        return
+    units = {metric.name: metric.unit for run in results.runs for metric in run.metrics}
+
+    def drawn() -> Panels:
+        title = len(of_machines) > 1
+        panels = (
+            work.panels(lines, units, title=model if title else "")
+            for model, lines in of_machines.items()
+        )
+        return tuple(chain.from_iterable(panels))
+
+    text = work.caption(every, results.machine_text)
+    if not any(run.sweep for run in results.runs):
+        text += " Each run is a point, at its own step; `trebucheck compare --sweep` adds others."
+    yield work.figure(drawn, text, "work-precision")
 
 
 # --- Agreement

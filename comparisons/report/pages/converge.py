@@ -13,6 +13,7 @@ from ...converge import Curve, MachineStudies, PowerLaw, Studies, SweepStudy
 from .. import document as doc
 from ..document import format_number, format_settings
 from ..plots import Axis, Label, Panels, Plot, Series, Style, run_style
+from . import work
 from .tables import (
     PRESETS_EXPLAINED,
     Settings,
@@ -22,6 +23,7 @@ from .tables import (
     compared_time,
     provenance,
 )
+from .work import WorkLine
 
 _WHOLE = Style("#8a8f96")
 _INTRODUCTION = (
@@ -39,10 +41,6 @@ _LIMITS = (
     "neighbouring steps whose successive differences show a whole order, those whose limits from "
     "two and three levels lie nearest to each other."
 )
-_WORK = (
-    "Error against wall time of the whole simulation, warm: median of the repeats, bars from the "
-    "quickest to the slowest."
-)
 _OTHERS = (
     "Where the error of the swept parameter itself can be isolated, exponents are of that part: "
     "the distance from the run without it. “What is left” is then the error of that run."
@@ -57,7 +55,7 @@ def document(studies: Studies) -> doc.Document:
         title = f"What did not run ({len(failures)})"
         blocks.append(doc.Fold(title, (doc.Listing(failures),), opened=len(failures) <= 5))
     for machine in studies.machines:
-        blocks += _chapter(machine)
+        blocks += _chapter(machine, studies.machine_text)
     runs: list[Settings] = []
     for machine in studies.machines:
         for study in machine.studies:
@@ -125,24 +123,11 @@ def _swept_parameter(study: SweepStudy) -> Panels:
     return tuple(plots)
 
 
-def _work_precision(studies: Sequence[SweepStudy]) -> Panels:
-    """Error against the median wall time; bars from the quickest to the slowest repeat."""
-    times = Axis("wall time, warm", "s", logarithmic=True)
-    plots: list[Plot] = []
-    for column, curve in enumerate(studies[0].curves):
-        series: list[Series] = []
-        for study in studies:
-            quantity = study.curves[column].quantity
-            timed = [point for point in study.points if point.wall_times]
-            x = np.array([np.median(point.wall_times) for point in timed], dtype=float)
-            y = np.array([point.error(quantity) or np.nan for point in timed], dtype=float)
-            quickest = np.array([min(point.wall_times) for point in timed], dtype=float)
-            slowest = np.array([max(point.wall_times) for point in timed], dtype=float)
-            hints = tuple(f"{study.title} = {point.value:.3g}" for point in timed)
-            style, spread = run_style(study.engine, study.preset), (quickest, slowest)
-            series.append(Series(study.label, x, y, style, "both", hints, spread))
-        plots.append(Plot(times, _error(curve), tuple(series), height=400))
-    return tuple(plots)
+def _work_lines(studies: Sequence[SweepStudy]) -> Iterator[WorkLine]:
+    """Each sweep of the time step, as work and errors."""
+    for study in studies:
+        runs = [point.work for point in study.points if point.work is not None]
+        yield WorkLine(study.engine, study.preset, study.engine_version, tuple(runs))
 
 
 def _exponent(law: PowerLaw | None) -> str:
@@ -185,7 +170,7 @@ def _measured(
 # --- Chapters
 
 
-def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
+def _chapter(machine: MachineStudies, made: str) -> Iterator[doc.Block]:
     model = machine.model
     steps = [study for study in machine.studies if study.knob == "timestep"]
     others = [study for study in machine.studies if study.knob != "timestep"]
@@ -205,9 +190,10 @@ def _chapter(machine: MachineStudies) -> Iterator[doc.Block]:
         yield doc.Fold("How each floor's cause was found", (_floors(steps),))
     if machine.pairs:
         yield from _limits(machine)
-    if steps:
-        drawn, anchor = partial(_work_precision, steps), f"{model}-work-precision"
-        yield doc.Figure(drawn, "Error against wall time", _WORK, anchor)
+    lines = [*_work_lines(steps)]
+    if any(run.errors for line in lines for run in line.runs):
+        drawn = partial(work.panels, lines, machine.units)
+        yield work.figure(drawn, work.caption(lines, made), f"{model}-work-precision")
     if others:
         yield doc.Heading("Other swept parameters")
         yield doc.Note(_OTHERS)

@@ -399,7 +399,7 @@ def _figure(label: str) -> str:
 
 
 def _title(metric: str) -> str:
-    return QUANTITIES[metric].title.replace("-", " ")
+    return QUANTITIES[metric].words
 
 
 def _why(run: MatrixRun) -> Iterator[tuple[str, str]]:

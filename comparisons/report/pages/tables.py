@@ -224,10 +224,9 @@ def provenance(
     result: ResultFile, runs: Iterable[Settings], machines: Iterable[_OfMechanism]
 ) -> tuple[doc.Block, ...]:
     """The end of a page: versions, the settings of each run, and each machine's mechanism."""
-    versions = f"trebucheck {result.trebucheck_version}, Python {result.python_version}"
     blocks: list[doc.Block] = [
         doc.Heading("Provenance", 2),
-        doc.Note(f"{versions}, {result.platform}."),
+        doc.Note(f"{capital(result.machine_text)}."),
     ]
     if result.jobs != 1:
         text = f"Wall times: {result.jobs} runs at once, which disturb each other."
