@@ -25,7 +25,7 @@ class _Sampled:
 
     calls: int = 0
     times: list[float] = field(default_factory=list[float])
-    """Of those that are timed [s]."""
+    """Times of those that are timed [s]."""
 
     @property
     def total(self) -> float:
