@@ -1,14 +1,17 @@
 """Recommended settings of engines for a wanted accuracy; every recommended step was measured.
 
 For each engine there are a few sets of options from default to assisted, and a ladder of time
-steps. A set adds to the one before it what changes most. How much each change buys is measured, not
-assumed: the order here only decides which of two equally quick sets is recommended, the plainer.
+steps. A set is followed on the machine itself, up to the longest step that reaches what is asked;
+the cheapest sets then go on to the neighbours. Of sets that cost the same, within what a busy
+machine can tell, that with the longest step is recommended, and of one step the plainest.
 
-Neighbours are machines of the same kind, drawn at random, each independently of the others. A set
-is first run at one moderate step on the machine and all its neighbours; those on which it did worst
-go on with it: at every further step the machine and these must reach what is asked. Of n machines
-so drawn and one more, each is as likely as any other to be the worst; so a fresh one from the same
-ranges is worse than the worst of n in one case of n + 1, whatever the distribution of their errors.
+Neighbours are machines of the same kind, drawn at random, each independently of the others. At the
+recommended step the machine and all of them reach what is asked. Of n machines so drawn and one
+more, each is as likely as any other to be the worst; so a fresh one from the same ranges is worse
+than the worst of n in one case of n + 1, whatever the distribution of their errors.
+
+An engine alone is recommended before one with trebucheck's assistance: who has chosen an engine has
+not chosen trebucheck. Assistance that is cheaper is told beside it.
 """
 
 from __future__ import annotations
@@ -16,11 +19,11 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from typing import Annotated, Any, Literal, NamedTuple, Self, Unpack
 
@@ -30,6 +33,7 @@ from pydantic import Field, JsonValue, model_validator
 from ..engines.protocol import Engine
 from ..engines.registry import Engines, engine, engine_class, engine_study, presets_of
 from ..engines.study import OptionSet
+from ..engines.supplied import only_read, stated
 from ..models.errors import InputError, TrebucheckError
 from ..models.library.registry import Model, models, parameters_type
 from ..models.library.registry import model as named_model
@@ -114,6 +118,9 @@ class Attempt(Spec):
 class Choice(Spec):
     """Settings that reach what is asked, all measured."""
 
+    alone: bool = Field(
+        description="whether the engine runs alone: all that trebucheck does is to read"
+    )
     options: str = Field(description="name of the set")
     words: str
     preset: str
@@ -124,8 +131,12 @@ class Choice(Spec):
     worst_neighbour: Errors | None = Field(
         description="the worst of each, over the neighbours measured"
     )
+    longest_tried: bool = Field(
+        description="whether no longer step was tried: it may be shorter than is needed"
+    )
     wall_time: Real = Field(description="median, of the machine asked about, warm [s]")
     wall_times: tuple[Real, ...] = Field(description="[s]")
+    snippets: dict[str, str] = Field(description="texts to paste, by what they are for")
 
 
 class EngineAdvice(Spec):
@@ -133,15 +144,30 @@ class EngineAdvice(Spec):
 
     engine: str
     engine_version: str
-    choice: Choice | None
+    choice: Choice | None = Field(
+        default=None,
+        description="the cheapest of the engine alone; where it reaches it with none, of those "
+        "with which trebucheck does a part of the run",
+    )
+    assisted: Choice | None = Field(
+        default=None,
+        description="settings with which trebucheck does a part of the run, if they are cheaper",
+    )
     obstacle: Obstacle | None = None
     message: str | None = Field(
         default=None, description="what was reached and what stands in the way"
     )
     attempts: tuple[Attempt, ...] = ()
-    snippets: dict[str, str] = Field(
-        default_factory=dict, description="texts to paste, by what they are for"
-    )
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """Settings that are recommended, those of the engine alone first."""
+        return tuple(each for each in (self.choice, self.assisted) if each is not None)
+
+    @property
+    def snippets(self) -> dict[str, str]:
+        """Texts to paste for the choice, by what they are for; empty without one."""
+        return {} if self.choice is None else self.choice.snippets
 
 
 class NeighbourMachine(Spec):
@@ -164,7 +190,7 @@ class Advice(Reported, ComparedMotion, ResultFile):
     rule: str = Field(description="what the settings were measured on")
     neighbours: tuple[NeighbourMachine, ...]
     measured_neighbours: Annotated[int, Field(ge=0)] = Field(
-        description="the hardest, measured at every step tried"
+        description="those measured at the recommended steps"
     )
     engines: tuple[EngineAdvice, ...]
 
@@ -365,21 +391,22 @@ def _draw(random: np.random.Generator, most: float) -> float:
 
 # Search
 
-RUNGS = 8
-# Of the machine's characteristic time. At twice this step even the best sets are not yet in the
-# range where their errors follow the order, and one machine says little of another.
-_LONGEST = 1 / 150
-SCREENED_AT = 1  # index of the time step, of the steps tried, at which all neighbours are run
-HARDEST = 6  # neighbours that go on
-_SCOUTED_AT = 3  # index of the step at which the hardest machine shows how its error falls
+RUNGS = 8  # steps from the moderate one down, at most
+# Of the machine's characteristic time. At longer steps even the best sets are not yet in the range
+# where their errors follow the order; the search goes both ways from there.
+_MODERATE = 1 / 300
+_SCOUTED = 2  # rungs further down, where an error shows how it falls
 _ORDERS = (0.1, 4.0)  # between which an order found over two steps is believed
 _DOUBT = 0.5  # error of such an order: a release inside a step scatters the errors
-_GAIN = 0.7  # the next level at least halves the step: an error of first order would halve, too
-_PATIENCE = 2  # levels without gain, before a set is given up
-_DEARER = 1.5  # times the cheapest found so far: further down, a set can only cost more
-_TINY = 1e-12  # times what is asked: as good as nothing
-_REPEATS = 3
-_TIE = 1.2  # times of runs of some 10 ms repeat no better than to this factor
+_GAIN = 0.7  # the next step is at most half as long: an error of first order would halve, too
+_PATIENCE = 2  # steps without gain, before a set is given up
+_FEWEST = 3  # steps in the compared motion, at least: the reference goes on a step beyond it
+_LONGEST = 1.0  # [s], that an engine takes
+_REPEATS = 5
+TIE = 1.5
+"""Costs closer than this are equal: repeated measurements on a busy machine are within 1.2."""
+_DEARER = TIE**2
+"""Times the cheapest, from which on a set cannot be equal to it, however its cost is measured."""
 
 
 def option_sets(name: str) -> tuple[OptionSet, ...]:
@@ -394,30 +421,40 @@ def configured(name: str, options: OptionSet, step: float) -> Engine:
     return engine(name, options.preset, **options.all_options(step))
 
 
-def ladder(characteristic_time: float) -> tuple[float, ...]:
-    """Time steps of 1, 2 and 5 times a power of ten, downwards [s]: small machines move quickly."""
-    longest = characteristic_time * _LONGEST
-    exponent = math.floor(math.log10(longest))
-    first = max(i for i, f in enumerate((1, 2, 5)) if f * 10.0**exponent <= longest * (1 + 1e-12))
-    steps: list[float] = []
-    for position in range(first, first - RUNGS, -1):
-        steps.append(float(f"{(1, 2, 5)[position % 3]}e{exponent + position // 3}"))
-    return tuple(steps)
+class Ladder(NamedTuple):
+    """Time steps of 1, 2 and 5 times a power of ten, downwards [s]."""
+
+    steps: tuple[float, ...]
+    moderate: int  # index of the one that a search begins at
+
+    @classmethod
+    def of(cls, characteristic_time: float, end: float) -> Ladder:
+        """Steps for a machine: small machines move quickly.
+
+        Args:
+            characteristic_time: of the machine [s].
+            end: of the compared motion [s]; no step is longer than half of it.
+        """
+        steps: list[float] = []
+        moderate = min(characteristic_time * _MODERATE, end / _FEWEST)
+        longest = min(end / _FEWEST, _LONGEST)
+        exponent = math.ceil(math.log10(longest))
+        for position in range(3 * exponent, 3 * exponent - 100, -1):
+            step = float(f"{(1, 2, 5)[position % 3]}e{position // 3}")
+            if step <= longest * (1 + 1e-12):
+                steps.append(step)
+        start = next(i for i, step in enumerate(steps) if step <= moderate * (1 + 1e-12))
+        return cls(tuple(steps[: start + RUNGS]), start)
 
 
 @dataclass(frozen=True)
-class RefinementLevel:
-    """One refinement level: a time step, and the worst of the machines measured with it."""
+class _Rung:
+    """Runs of one set of options at a time step, by the index of the machine."""
 
     step: float  # [s]
-    worst: float  # largest error over what is allowed
-    hardest: int  # index of the machine of that
-    trials: dict[int, RunRecord]  # by index of the machine; the machine asked about is 0
-
-    @property
-    def reached(self) -> bool:
-        """Tell whether every machine measured reaches what is asked."""
-        return self.worst <= 1
+    trials: dict[int, RunRecord] = field(default_factory=dict[int, RunRecord])
+    ratios: dict[int, float] = field(default_factory=dict[int, float])
+    """Errors over what is allowed: up to 1 it is reached."""
 
 
 @dataclass
@@ -425,170 +462,213 @@ class Sweep:
     """One set of options over the time steps tried."""
 
     options: OptionSet
-    levels: dict[float, RefinementLevel] = field(default_factory=dict[float, RefinementLevel])
+    rungs: dict[float, _Rung] = field(default_factory=dict[float, _Rung])
     note: str = ""
-    dropped: bool = False  # by what one machine showed: no step was run on the others
+    reached: _Rung | None = None
+    """The longest step that reaches the target on all machines."""
+    last: int = 0
+    """Index of the machine that was looked at last: where none is reached, that which bars it."""
 
     @property
-    def reached(self) -> RefinementLevel | None:
-        """The level of the longest step that reaches the target on all machines it must."""
-        if self.dropped:
-            return None
-        levels = [level for level in self.levels.values() if level.reached]
-        return max(levels, key=lambda level: level.step, default=None)
+    def best(self) -> _Rung:
+        """The step with the least error on the last machine; of equals the longest."""
+        run = (rung for rung in self.rungs.values() if self.last in rung.ratios)
+        return min(run, key=lambda rung: (rung.ratios[self.last], -rung.step))
 
     @property
-    def best(self) -> RefinementLevel:
-        """The level with the least worst error; of equals the one of the longest step."""
-        return min(self.levels.values(), key=lambda level: (level.worst, -level.step))
+    def least(self) -> float:
+        """The least error found on the last machine, over what is allowed."""
+        return self.best.ratios[self.last]
+
+
+class TimedSweep(NamedTuple):
+    """A set of options, the step that reaches the target, and its timed run on the machine."""
+
+    sweep: Sweep
+    rung: _Rung
+    run: RunRecord
+
+
+def cheapest(timed: Sequence[TimedSweep], below: float = math.inf) -> TimedSweep | None:
+    """Find the cheapest; of equals the longest step, and of one step the plainest options.
+
+    Args:
+        timed: from plain to assisted.
+        below: cost that it must be below [s].
+    """
+    kept = [each for each in timed if cost_of(each.run) < below]
+    least = min((cost_of(each.run) for each in kept), default=math.inf)
+    equal = [each for each in kept if cost_of(each.run) <= TIE * least]
+    return max(equal, key=lambda each: each.rung.step, default=None)
 
 
 @dataclass
 class Search:
-    """Searches the time steps of one engine for each set of options."""
+    """Searches the time steps of one engine for each set of options.
+
+    A set is followed on the machine asked about first, from a moderate step to longer ones up to
+    the first that misses the target, or to shorter ones. What a set costs there it costs at least:
+    the cheapest then go on to the neighbours, and the others only while they may be as cheap.
+    """
 
     engine: str
     cases: Sequence[TargetedRuns]
-    steps: Sequence[float]
+    ladder: Ladder
     jobs: int = 1  # neighbours that are run at once
-    cheapest: float = math.inf  # wall time of the cheapest settings found so far [s]
-    _hardest: int | None = field(default=None, init=False)
-    """Index of the machine the first set did worst on."""
+    starts: Callable[[str], None] = lambda _: None
+    """Called with the name of each set before it is followed."""
+    _order: list[int] = field(default_factory=list[int], init=False)
+    """Indices of the machines, those first that the last sets did worst on."""
 
-    def sweep(self, options: OptionSet) -> Sweep:
-        """Give up at once, or measure all machines at one step, and refine from there."""
-        sweep = Sweep(options)
-        if self._hardest is not None:
-            # The machine that the first set did worst on may rule this one out.
-            panel = [self._hardest]
-            screened = self._level(sweep, panel, SCREENED_AT)
-            if math.isfinite(screened.worst) and not screened.reached:
-                guess = self._guess(sweep, panel)
-                if guess is not None and self._is_dearer(screened.trials[self._hardest], guess):
-                    sweep.note = "by the order found, it would cost more than what is recommended"
-                    guess = None
-                if guess is None:
-                    sweep.dropped = True
-                    return sweep
-        sweep.levels.clear()
-        panel = self._screen(sweep)
-        if self._hardest is None:
-            self._hardest = panel[0]
-        start = self._guess(sweep, panel)
-        if start is not None and self._level(sweep, panel, start).reached:
-            longer = start - 1
-            while longer >= 0 and self._level(sweep, panel, longer).reached:
-                longer -= 1
-            sweep.note = "reached at the longest step tried"
-            if longer >= 0:
-                sweep.note = "reached; a longer step does not"
-        elif start is not None:
-            self._shorten(sweep, panel, start)
-        if sweep.reached:
-            self.cheapest = min(self.cheapest, _wall(sweep.reached.trials[0]))
-        return sweep
+    def __post_init__(self) -> None:
+        self._order = list(range(len(self.cases)))
 
-    def _is_dearer(self, screened: RunRecord, index: int) -> bool:
-        """Tell whether a step must cost more than the cheapest settings found so far."""
-        wall = _wall(screened) * self.steps[SCREENED_AT] / self.steps[index]
-        return wall > _DEARER * self.cheapest
+    def sweeps(self, sets: Sequence[OptionSet], bound: float = math.inf) -> list[Sweep]:
+        """Follow each set as far as it may be among the cheapest.
 
-    def _screen(self, sweep: Sweep) -> list[int]:
-        """Run the machine itself and its hardest neighbours at one step, the hardest first."""
-        step = self.steps[SCREENED_AT]
-
-        def trial(case: int) -> RunRecord:
-            return self.trial(case, sweep.options, step)
-
-        # The machine's own run is timed, with nothing beside it; of the others only the errors are
-        # asked for.
-        trials = [trial(0)]
-        with closing(in_order(trial, range(1, len(self.cases)), self.jobs)) as others:
-            trials += others
-        ratios = [case.ratio(trial) for case, trial in zip(self.cases, trials, strict=True)]
-        hardest = sorted(range(1, len(ratios)), key=lambda i: -ratios[i])[:HARDEST]
-        panel = sorted([0, *hardest], key=lambda i: -ratios[i])
-        chosen = {i: trials[i] for i in panel}
-        sweep.levels[step] = RefinementLevel(step, ratios[panel[0]], panel[0], chosen)
-        return panel
+        Args:
+            sets: from plain to assisted.
+            bound: cost of what is recommended so far [s].
+        """
+        sweeps, hopeful = list(map(Sweep, sets)), list[tuple[float, int, Sweep]]()
+        for sweep in sweeps:
+            self.starts(sweep.options.name)
+            index = self._longest(sweep, 0, self.ladder.moderate)
+            if index is not None:
+                hopeful.append((self._cost(sweep, index), index, sweep))
+        for least, i, sweep in sorted(hopeful, key=lambda each: each[0]):
+            if least > _DEARER * bound:
+                step = f"{self.ladder.steps[i]:g} s"
+                sweep.note = f"reached at {step}, which costs more than what is recommended"
+                continue
+            self._verify(sweep, i, bound)
+            bound = min(bound, self.cost(sweep))
+        return sweeps
 
     def trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
         """Run of a set of options at a step [s] on a machine, by its index."""
         return self.cases[case].trials.record(configured(self.engine, options, step), repeats)
 
-    def _guess(self, sweep: Sweep, panel: list[int]) -> int | None:
-        """Index of the longest step that should do; None if by the order found none can."""
-        screened, finest = sweep.levels[self.steps[SCREENED_AT]], self.steps[-1]
-        if not math.isfinite(screened.worst):
-            return SCREENED_AT + 1
-        if screened.reached:
-            longest = screened.step / max(screened.worst, _TINY) ** (1 / _ORDERS[1])
-            return self._first_step_within(longest)
-        scouted = self._level(sweep, panel, _SCOUTED_AT)
-        if scouted.reached or not math.isfinite(scouted.worst):
-            return _SCOUTED_AT
-        order = math.log(screened.worst / scouted.worst) / math.log(screened.step / scouted.step)
-        likely, at_best = (min(max(p, _ORDERS[0]), _ORDERS[1]) for p in (order, order + _DOUBT))
-        if scouted.step / scouted.worst ** (1 / at_best) < finest:
-            sweep.note = f"by the order found, {order:.1f}, no step down to {finest:g} s will do"
-            return None
-        return self._first_step_within(scouted.step / scouted.worst ** (1 / likely))
+    def timed(self, sweeps: Sequence[Sweep]) -> list[TimedSweep]:
+        """Sets that reach the target, with runs on the machine itself that were timed together.
 
-    def _first_step_within(self, longest: float) -> int:
-        within = (i for i, step in enumerate(self.steps) if step <= longest)
-        return next(within, len(self.steps) - 1)
+        They are run in turns, so that what else the computer does meets all of them.
+        """
+        reached = [(sweep, sweep.reached) for sweep in sweeps if sweep.reached is not None]
+        runs = [rung.trials[0] for _, rung in reached]
+        for repeats in range(2, _REPEATS + 1):
+            for i, (sweep, rung) in enumerate(reached):
+                runs[i] = self.trial(0, sweep.options, rung.step, repeats)
+        return [TimedSweep(*each, run) for each, run in zip(reached, runs, strict=True)]
 
-    def _shorten(self, sweep: Sweep, panel: list[int], index: int) -> None:
-        """Try shorter steps, as long as they help and cost less than what is recommended."""
-        screened = sweep.levels[self.steps[SCREENED_AT]].trials[0]
-        before, idle = self._level(sweep, panel, index), 0
-        for step in range(index + 1, len(self.steps)):
-            if self._is_dearer(screened, step):
-                sweep.note = "a shorter step would cost more than what is recommended"
-                return
-            now = self._level(sweep, panel, step)
-            if now.reached:
+    def cost(self, sweep: Sweep) -> float:
+        """Cost of the step that reaches the target [s]; infinite where none does."""
+        return math.inf if sweep.reached is None else cost_of(sweep.reached.trials[0])
+
+    def _cost(self, sweep: Sweep, index: int) -> float:
+        """Cost of a step on the machine itself [s], by the nearest step that was run."""
+        step = self.ladder.steps[index]
+        run = (rung for rung in sweep.rungs.values() if 0 in rung.trials)
+        nearest = min(run, key=lambda rung: abs(math.log(rung.step / step)))
+        return cost_of(nearest.trials[0]) * nearest.step / step
+
+    def _ratio(self, sweep: Sweep, case: int, index: int) -> float:
+        """Error over what is allowed of a machine at a step."""
+        step = self.ladder.steps[index]
+        rung = sweep.rungs.setdefault(step, _Rung(step))
+        if case not in rung.ratios:
+            rung.trials[case] = self.trial(case, sweep.options, step)
+            rung.ratios[case] = self.cases[case].ratio(rung.trials[case])
+        return rung.ratios[case]
+
+    def _longest(self, sweep: Sweep, case: int, index: int) -> int | None:
+        """Index of the longest step with which a machine reaches the target; None: there is none.
+
+        Args:
+            index: of the step at which the search begins.
+        """
+        sweep.last = case
+        if self._ratio(sweep, case, index) <= 1:
+            while index > 0 and self._ratio(sweep, case, index - 1) <= 1:
+                index -= 1
+            sweep.note = "reached; a longer step does not"
+            if index == 0:
+                sweep.note = "reached at the longest step tried"
+            return index
+        return self._shorter(sweep, case, index)
+
+    def _shorter(self, sweep: Sweep, case: int, index: int) -> int | None:
+        """Index of the longest step below one that misses the target; None: none is likely."""
+        sweep.last, last, idle = case, len(self.ladder.steps) - 1, 0
+        scouted = min(index + _SCOUTED, last)
+        before = self._ratio(sweep, case, index)
+        if scouted > index and self._ratio(sweep, case, scouted) > 1:
+            if self._hopeless(sweep, case, index, scouted):
+                return None
+            index, before = scouted, self._ratio(sweep, case, scouted)
+        for shorter in range(index + 1, last + 1):
+            now = self._ratio(sweep, case, shorter)
+            if now <= 1:
                 sweep.note = "reached; a longer step does not"
-                return
-            idle = 0 if now.worst < _GAIN * before.worst else idle + 1
+                return shorter
+            idle = 0 if now < _GAIN * before else idle + 1
             if idle == _PATIENCE:
                 sweep.note = "shorter steps do not help any more"
-                return
+                return None
             before = now
         sweep.note = "not reached at the shortest step tried"
+        return None
 
-    def _level(self, sweep: Sweep, panel: list[int], index: int) -> RefinementLevel:
-        """Run the panel at a step, the hardest first, up to the first that misses the target."""
-        step = self.steps[index]
-        if step in sweep.levels:
-            return sweep.levels[step]
-        trials: dict[int, RunRecord] = {}
-        worst, hardest = 0.0, panel[0]
-        for i in panel:
-            trials[i] = self.trial(i, sweep.options, step)
-            ratio = self.cases[i].ratio(trials[i])
-            if ratio >= worst:
-                worst, hardest = ratio, i
-            if worst > 1:
-                break
-        sweep.levels[step] = RefinementLevel(step, worst, hardest, trials)
-        return sweep.levels[step]
+    def _hopeless(self, sweep: Sweep, case: int, index: int, scouted: int) -> bool:
+        """Tell whether the error, as it falls between two steps, misses the target at all steps."""
+        steps, finest = self.ladder.steps, self.ladder.steps[-1]
+        coarse, fine = (self._ratio(sweep, case, i) for i in (index, scouted))
+        if not (math.isfinite(coarse) and math.isfinite(fine)):
+            return False
+        order = math.log(coarse / fine) / math.log(steps[index] / steps[scouted])
+        at_best = min(max(order + _DOUBT, _ORDERS[0]), _ORDERS[1])
+        if steps[scouted] / fine ** (1 / at_best) >= finest:
+            return False
+        sweep.note = f"by the order found, {order:.1f}, no step down to {finest:g} s will do"
+        return True
 
-    def chosen(self, sweeps: Sequence[Sweep]) -> tuple[Sweep, RefinementLevel, RunRecord] | None:
-        """Find the cheapest that reaches the target; the plainest of those of equal cost."""
-        candidates: list[tuple[Sweep, RefinementLevel, RunRecord]] = []
-        for sweep in sweeps:
-            level = sweep.reached
-            if level is not None and _wall(level.trials[0]) <= _DEARER * self.cheapest:
-                repeated = self.trial(0, sweep.options, level.step, _REPEATS)
-                candidates.append((sweep, level, repeated))
-        cheapest = min((_wall(trial) for _, _, trial in candidates), default=math.inf)
-        return next((row for row in candidates if _wall(row[2]) <= _TIE * cheapest), None)
+    def _verify(self, sweep: Sweep, index: int, bound: float) -> None:
+        """Find the longest step, up to one, that reaches the target on all machines.
+
+        At a shorter step all machines are run anew, the one that missed the target first.
+        """
+        while True:
+            failed = self._first_to_fail(sweep, index)
+            if failed is None:
+                sweep.reached = sweep.rungs[self.ladder.steps[index]]
+                return
+            self._order.remove(failed)
+            self._order.insert(0, failed)
+            shorter = self._shorter(sweep, failed, index)
+            if shorter is None:
+                return
+            index = shorter
+            if self._cost(sweep, index) > _DEARER * bound:
+                sweep.note = "a shorter step would cost more than what is recommended"
+                return
+
+    def _first_to_fail(self, sweep: Sweep, index: int) -> int | None:
+        """The first machine, in the order of hardness, that misses the target at a step."""
+
+        def ratio(case: int) -> float:
+            return self._ratio(sweep, case, index)
+
+        order = list(self._order)
+        with closing(in_order(ratio, order, self.jobs, ahead=2 * self.jobs)) as ratios:
+            for case, value in zip(order, ratios, strict=True):
+                if value > 1:
+                    return case
+        return None
 
 
-def _wall(trial: RunRecord) -> float:
-    """Median wall time [s]; infinite for a run that failed."""
-    return float(np.median(trial.wall_times)) if trial.wall_times else math.inf
+def cost_of(trial: RunRecord) -> float:
+    """Least processor time without our reading [s]; infinite for a run that failed."""
+    return min(trial.wall_times, default=math.inf)
 
 
 # Obstacles
@@ -649,29 +729,34 @@ def _slope(points: Sequence[tuple[float, float]]) -> float:
     return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
 
 
-def explain(search: Search, sweeps: Sequence[Sweep]) -> Verdict:
-    """Say why no set of an engine reaches the target: the best set, on its worst machine.
+def explain(search: Search, sweeps: Sequence[Sweep], *, further: bool = True) -> Verdict:
+    """Say why no set of an engine reaches the target: the best set, on the machine that bars it.
 
-    All steps from the screened one down are measured for it.
+    Args:
+        further: whether to measure all steps from the moderate one down for it; else the verdict is
+            of those that were tried.
     """
-    sweep = min(sweeps, key=lambda sweep: sweep.best.worst)
-    level = sweep.best
-    case = search.cases[level.hardest]
-    if not math.isfinite(level.worst):
-        trials = (trial for tried in sweep.levels.values() for trial in tried.trials.values())
+    sweep = min(sweeps, key=lambda sweep: sweep.least)
+    best, case = sweep.best, search.cases[sweep.last]
+    if not math.isfinite(sweep.least):
+        trials = (trial for tried in sweep.rungs.values() for trial in tried.trials.values())
         messages = (trial.message for trial in trials if trial.message)
         return Verdict(Obstacle.FAILURE, next(messages, "a stop does not release"))
-    hardest_errors = case.errors(level.trials[level.hardest])
+    hardest_errors = case.errors(best.trials[sweep.last])
     # The quantity that is furthest off; two of them have two causes, but the first must go before
     # the second shows.
     name = max(case.allowed, key=lambda name: hardest_errors[name] / case.allowed[name])
     allowed, unit = case.allowed[name], unit_of(name, case.trials.mechanism)
-    steps, errors = search.steps[SCREENED_AT:], list[float]()
-    for step in steps:
-        errors.append(case.errors(search.trial(level.hardest, sweep.options, step))[name])
+    tried = {step for step, rung in sweep.rungs.items() if sweep.last in rung.trials}
+    steps, errors = list[float](), list[float]()
+    for step in search.ladder.steps[search.ladder.moderate :]:
+        if not further and step not in tried:
+            continue
+        steps.append(step)
+        errors.append(case.errors(search.trial(sweep.last, sweep.options, step))[name])
     verdict = classify(steps, errors, allowed, unit)
-    least, step = min([(hardest_errors[name], level.step), *zip(errors, steps, strict=True)])
-    where = "this machine" if level.hardest == 0 else "its hardest neighbour"
+    least, step = min([(hardest_errors[name], best.step), *zip(errors, steps, strict=True)])
+    where = "this machine" if sweep.last == 0 else "a neighbour"
     reached = (
         f"the best, {sweep.options.name!r} at {step:g} s, has an error of the {name} of "
         f"{least:.1e} {unit} on {where}, where {allowed:.1e} {unit} are asked"
@@ -790,89 +875,112 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         count = Counter(sum(map(len, sets.values())), study.progress)
         advice: list[EngineAdvice] = []
         for name in names:
-            search = Search(name, cases, ladder(trials.time_scale), study.jobs)
-            advice.append(_advice(search, sets[name], _model_arguments(study), count))
-    rule, measured = "measured on this machine alone: nothing is said of any other", 0
+            steps = Ladder.of(trials.time_scale, trials.runner.end)
+            search = Search(name, cases, steps, study.jobs, partial(_show, count, name))
+            advice.append(_advice(search, sets[name], _model_arguments(study)))
+    rule = "measured on this machine alone: nothing is said of any other"
     if rows:
-        measured = min(HARDEST, len(rows))
         rule = (
-            f"measured on this machine and the worst {measured} of {len(rows)} neighbours "
-            f"drawn at random ({varied}); one in {len(rows) + 1} machines so drawn is worse "
-            "than all of these"
+            f"measured on this machine and {len(rows)} neighbours drawn at random ({varied}); one "
+            f"in {len(rows) + 1} machines so drawn is worse than all of these"
         )
     return Advice.made_here(
         **trials.compared_motion,
         asked=asked,
         rule=rule,
         neighbours=tuple(rows),
-        measured_neighbours=measured,
+        measured_neighbours=len(rows),
         engines=tuple(advice),
         jobs=study.timed_at_once,
     )
 
 
-def _advice(
-    search: Search, sets: tuple[OptionSet, ...], words: Sequence[str], count: Counter
-) -> EngineAdvice:
+def _show(count: Counter, engine: str, options: str) -> None:
+    count.start(f"{engine}: {options}")
+
+
+def _advice(search: Search, sets: tuple[OptionSet, ...], words: Sequence[str]) -> EngineAdvice:
     """Settings of one engine; `words` name the machine on the command line."""
-    name, trials = search.engine, search.cases[0].trials
-    advice = EngineAdvice(engine=name, engine_version=engine_class(name).version(), choice=None)
+    name, mechanism = search.engine, search.cases[0].trials.mechanism
+    advice = EngineAdvice(engine=name, engine_version=engine_class(name).version())
     if not sets:
         return advice.model_copy(update={"message": f"{name} is not installed here."})
-    sweeps: list[Sweep] = []
-    # The most accurate first: what the others may cost follows from it
-    for options in reversed(sets):
-        count.start(f"{name}: {options.name}")
-        sweeps.insert(0, search.sweep(options))
-    chosen = search.chosen(sweeps)
-    attempts: list[Attempt] = []
-    for sweep in sweeps:
-        reached, worst = sweep.reached, sweep.best.worst
-        attempts.append(
-            Attempt(
-                options=sweep.options.name,
-                words=sweep.options.description,
-                step=reached.step if reached else None,
-                wall_time=reached.trials[0].wall_times[0] if reached else None,
-                steps_tried=tuple(sorted(sweep.levels, reverse=True)),
-                worst=worst if math.isfinite(worst) else None,
-                note=sweep.note,
-            )
-        )
-    advice = advice.model_copy(update={"attempts": tuple(attempts)})
-    if chosen is None:
+    own = {each.name: _is_alone(name, each, mechanism) for each in sets}
+    sweeps = search.sweeps([each for each in sets if own[each.name]])
+    costs = [search.cost(sweep) for sweep in sweeps]
+    # No cheaper than this, and the engine alone is recommended.
+    bound = min(costs, default=math.inf) / _DEARER
+    sweeps += search.sweeps([each for each in sets if not own[each.name]], bound)
+    timed = search.timed(sweeps)
+    alone = cheapest([each for each in timed if own[each.sweep.options.name]])
+    below = math.inf if alone is None else cost_of(alone.run) / TIE
+    assisted = cheapest([each for each in timed if not own[each.sweep.options.name]], below)
+    advice = advice.model_copy(update={"attempts": tuple(map(_attempt, sweeps))})
+    choices = [
+        _choice(search, each, own[each.sweep.options.name], words)
+        for each in (alone, assisted)
+        if each is not None
+    ]
+    if not choices:
         verdict = explain(search, sweeps)
         return advice.model_copy(update={"obstacle": verdict.obstacle, "message": verdict.sentence})
-    choice = _choice(search.cases, *chosen)
-    changes, duration = chosen[0].options.all_options(choice.step), trials.runner.end
-    if trials.runner.launch_time:
-        duration = _TO_A_LAUNCH * trials.time_scale
-    texts = snippets(name, trials.mechanism, choice.preset, changes, words, duration)
-    return advice.model_copy(update={"choice": choice, "snippets": texts})
+    first, *second = choices
+    update: dict[str, object] = {"choice": first, "assisted": next(iter(second), None)}
+    followed = [sweep for sweep in sweeps if own[sweep.options.name]]
+    if alone is None and followed:
+        verdict = explain(search, followed, further=False)
+        update |= {"obstacle": verdict.obstacle, "message": f"Alone: {verdict.sentence}"}
+    return advice.model_copy(update=update)
 
 
-def _choice(
-    cases: Sequence[TargetedRuns], sweep: Sweep, level: RefinementLevel, repeated: RunRecord
-) -> Choice:
-    walls, options = sorted(repeated.wall_times), sweep.options
-    changes = options.all_options(level.step)
-    others = [cases[i].reported(trial) for i, trial in level.trials.items() if i != 0]
+def _is_alone(name: str, options: OptionSet, mechanism: Mechanism) -> bool:
+    """Tell whether trebucheck does no part of a run with a set, but to read it."""
+    supplied = stated(configured(name, options, _LONGEST), mechanism)
+    return supplied is not None and only_read(supplied)
+
+
+def _attempt(sweep: Sweep) -> Attempt:
+    reached, worst = sweep.reached, sweep.least
+    return Attempt(
+        options=sweep.options.name,
+        words=sweep.options.description,
+        step=reached.step if reached else None,
+        wall_time=reached.trials[0].wall_times[0] if reached else None,
+        steps_tried=tuple(sorted(sweep.rungs, reverse=True)),
+        worst=worst if math.isfinite(worst) else None,
+        note=sweep.note if reached or sweep.last == 0 else f"on a neighbour, {sweep.note}",
+    )
+
+
+def _choice(search: Search, found: TimedSweep, alone: bool, words: Sequence[str]) -> Choice:
+    cases, options, rung = search.cases, found.sweep.options, found.rung
+    walls, changes = sorted(found.run.wall_times), options.all_options(rung.step)
+    others = [cases[i].reported(trial) for i, trial in rung.trials.items() if i != 0]
     worst: dict[str, float | None] = {}
     for name in Errors.model_fields:  # None if it is missing anywhere
         values: list[float | None] = [getattr(errors, name) for errors in others]
         known = [value for value in values if value is not None]
         worst[name] = max(known, default=None) if len(known) == len(values) else None
+    trials = cases[0].trials
+    duration = trials.runner.end
+    if trials.runner.launch_time:
+        duration = _TO_A_LAUNCH * trials.time_scale
     return Choice(
+        alone=alone,
         options=options.name,
         words=options.description,
         preset=options.preset,
         changes={k: list(v) if isinstance(v, tuple) else v for k, v in changes.items()},
-        settings=repeated.settings,
-        step=level.step,
-        here=cases[0].reported(level.trials[0]),
+        settings=found.run.settings,
+        step=rung.step,
+        here=cases[0].reported(rung.trials[0]),
         worst_neighbour=Errors(**worst) if others else None,
+        longest_tried=rung.step == search.ladder.steps[0],
         wall_time=walls[len(walls) // 2],
-        wall_times=repeated.wall_times,
+        wall_times=found.run.wall_times,
+        snippets=snippets(
+            search.engine, trials.mechanism, options.preset, changes, words, duration
+        ),
     )
 
 

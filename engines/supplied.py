@@ -119,6 +119,11 @@ def stated(engine: object, mechanism: Mechanism | None = None) -> dict[str, str]
     return parts
 
 
+def only_read(supplied: Mapping[str, str]) -> bool:
+    """Tell whether trebucheck does no part of a run, but to read quantities off its motion."""
+    return set(supplied) <= {Part.REACTIONS, Part.TORQUES}
+
+
 def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> frozenset[Part]:
     """Parts that a run has on a mechanism with stops (that may be met), loops, force elements."""
     present = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ...recommend import Advice, EngineAdvice, unit_of
+from ...recommend import Advice, Choice, EngineAdvice, unit_of
 from .. import document as doc
 from ..document import format_number, format_step, sentence
 from .tables import Settings, compared_time, provenance
@@ -28,12 +28,13 @@ def document(advice: Advice) -> doc.Document:
     runs: list[Settings] = []
     verdicts: list[str] = []
     for engine in advice.engines:
-        name, choice = engine.engine, engine.choice
-        if choice is None:
-            blocks.append(doc.Text(engine.message or "", "warning", lead=f"{name}:"))
+        name = engine.engine
+        if engine.message:
+            blocks.append(doc.Text(engine.message, "warning", lead=f"{name}:"))
+        if engine.choice is None:
             verdicts.append(f"{name} none")
-        else:
-            label = f"{name} {choice.options}"
+        for choice in engine.choices:
+            label = f"{name} {_label(choice)}"
             runs.append((model, label, engine.engine_version, choice.settings))
             verdicts.append(f"{label}, step {choice.step:g} s")
     copied = ", ".join(files(advice)) or "none"
@@ -58,7 +59,7 @@ def _settings(advice: Advice) -> doc.Table:
         f"engine | settings | step [s] | position [m] | {load} [{unit}] | release [s] | wall [s] | "
         "(worst neighbour)"
     )
-    choices = [(e.engine, e.choice) for e in advice.engines if e.choice is not None]
+    choices = [(e.engine, choice) for e in advice.engines for choice in e.choices]
     choices.sort(key=lambda each: (each[1].wall_time, each[0]))
     rows: list[doc.Row] = []
     for engine, choice in choices:
@@ -71,24 +72,34 @@ def _settings(advice: Advice) -> doc.Table:
             neighbour += f", {load} {format_number(worst.torque)} {unit}{share}"
             neighbour += f", release {format_number(worst.release)} s"
         step, wall = format_step(choice.step), f"{choice.wall_time:.3f}"
-        rows.append(doc.row(engine, choice.options, step, *errors, wall, neighbour))
+        rows.append(doc.row(engine, _label(choice), step, *errors, wall, neighbour))
     caption = (
-        "The cheapest measured settings of each engine, the quickest first; errors on this machine"
+        "The cheapest measured settings of each engine, the quickest first; errors on this machine. "
+        "In assisted ones trebucheck does a part of the run"
     )
     return doc.table(doc.ranked(heads, settings=0, step=0, release=2, wall=3), rows, caption)
+
+
+def _label(choice: Choice) -> str:
+    """Name of a set of options, and whether trebucheck takes part in the run."""
+    return choice.options if choice.alone else f"{choice.options} (assisted)"
 
 
 def _chapter(engine: EngineAdvice) -> Iterator[doc.Block]:
     """An engine's settings in words, texts to copy, and what was tried."""
     yield doc.Heading(f"{engine.engine} {engine.engine_version}", 2, engine.engine)
-    if engine.choice is not None:
-        runs = len(engine.choice.wall_times)
+    for choice in engine.choices:
+        runs = len(choice.wall_times)
         timed = f"median of {runs}" if runs > 1 else "one run"
-        step = f"({engine.choice.words}), step {engine.choice.step:g} s"
-        text = f"{step}; wall time is the {timed}, warm, on this machine."
-        yield doc.Text(text, "good", lead=engine.choice.options)
-    for title, text in engine.snippets.items():
-        yield doc.Code(title, text)
+        text = (
+            f"({choice.words}), step {choice.step:g} s; wall time is the {timed}, warm, on this "
+            "machine."
+        )
+        if choice.longest_tried:
+            text += " No longer step was tried: a longer one may do as well."
+        yield doc.Text(text, "good", lead=_label(choice))
+        for title, snippet in choice.snippets.items():
+            yield doc.Code(title, snippet)
     tried: list[doc.Text] = []
     for attempt in engine.attempts:
         text = f"at best {attempt.worst or 0.0:.2g} times the target: {attempt.note}"
@@ -107,11 +118,15 @@ def files(advice: Advice) -> dict[str, str]:
     """Texts to paste, by names of files."""
     named: dict[str, str] = {}
     for engine in advice.engines:
-        for title, text in engine.snippets.items():
-            ending = "py"
-            if text.startswith("<"):
-                ending = "xml"
-            elif text.startswith("trebucheck "):
-                ending = "sh"
-            named[f"{engine.engine}-{'-'.join(title.lower().split())}.{ending}"] = text
+        for choice in engine.choices:
+            name = engine.engine
+            if choice is engine.assisted:
+                name += "-assisted"
+            for title, text in choice.snippets.items():
+                ending = "py"
+                if text.startswith("<"):
+                    ending = "xml"
+                elif text.startswith("trebucheck "):
+                    ending = "sh"
+                named[f"{name}-{'-'.join(title.lower().split())}.{ending}"] = text
     return named
