@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.cli.truth import problem_list
 from trebucheck.comparisons.problems import ProblemCheck, check
 from trebucheck.comparisons.report import markdown
-from trebucheck.comparisons.report.pages.problems import library, listing
+from trebucheck.comparisons.report.pages.problems import library
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.benchmark import (
     passage,
@@ -191,7 +192,7 @@ def test_closed_forms_in_forty_digits() -> None:
 
 def test_tables_and_pages_have_one_name_of_a_problem() -> None:
     """The library's number is what it is sorted by; a source may have numbers of its own."""
-    text = markdown.text(listing(benchmarks()))
+    text = markdown.text(problem_list(benchmarks()))
     text += markdown.text(library([check(benchmark("pendulum"))]))
     text = "\n".join(line for line in text.splitlines() if not line.startswith("**Source:**"))
     names = {entry.name for entry in benchmarks()}
