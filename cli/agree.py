@@ -54,7 +54,7 @@ def compare_command(call: Call) -> bool:
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
-    results = comparison.results.made_by(call.command_line, store.most_jobs(call.jobs))
+    results = comparison.results.made_by(call.command_line, store.most_jobs(call.jobs or 1))
     comparison = replace(comparison, results=results)
     short = markdown.text(summary(results), signs=True)
     call.publish(

@@ -203,9 +203,10 @@ OPTIONS = {
     "resume": option("--resume", "Take finished runs from the folder again.", bool, False),
     "jobs": option(
         "--jobs -j",
-        "Processes at once. With more than one, wall times include what runs cost each other.",
-        int,
-        1,
+        "Processes at once; as many as cores are idle by default, or 1 where times are shown: with "
+        "more than one, wall times include what runs cost each other.",
+        int | None,
+        None,
     ),
     "diagnose": option(
         "--diagnose/--no-diagnose",

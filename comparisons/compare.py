@@ -311,7 +311,7 @@ def compare(
     diagnose: bool = True,
     sweep: bool = False,
     timeout: float = 600.0,
-    jobs: int = 1,
+    jobs: int | None = None,
     progress: Callable[[RunKey, int, int], None] | None = None,
     **more_options: Any,
 ) -> Comparison:
@@ -394,7 +394,7 @@ def compare_study(
             except SimulationError as error:
                 return error
 
-        references = in_order(solved, study.mechanisms, study.jobs)
+        references = in_order(solved, study.mechanisms, study.at_once)
         machines = dict(zip(by_name, references, strict=True))
 
         def run(case: RunKey) -> FinishedRun:
@@ -406,7 +406,7 @@ def compare_study(
             time = machine.machine.scales.time
             return machine.run(case, study.engine_for(case.model, time, engine))
 
-        with closing(in_order(run, cases, study.jobs)) as results:
+        with closing(in_order(run, cases, study.at_once)) as results:
             for done, case in enumerate(cases):
                 if progress is not None:
                     progress(case, done, len(cases))

@@ -594,7 +594,7 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
                 uncertainties[mechanism.name] = known
         solved = [runs for runs in moved if runs.mechanism.name in uncertainties]
         wanted = [(runs, name, parameter) for runs in solved for name, parameter in plan]
-        sweeps = all_in_order(sweep, wanted, study.jobs)
+        sweeps = all_in_order(sweep, wanted, study.at_once)
     machines: list[MachineStudies] = []
     for runs in solved:
         swept = [sweep for sweep in sweeps if sweep.machine is runs]

@@ -676,6 +676,7 @@ def explain_study(study: Study) -> Explanation:
             raises nothing: it becomes a budget without shares, or a cause that could not be
             measured.
     """
+    study = study.on_idle_cores()
     # A part a preset, and one for each preset beside the next.
     engines: list[tuple[Engine, ...]] = []
     # The reference has a budget where it is named: its options may be set otherwise.
@@ -695,7 +696,7 @@ def explain_study(study: Study) -> Explanation:
 
     with study.worker() as worker:
         moved, failures = runs_of(study, worker)
-        parts = all_in_order(part, list(product(moved, engines)), study.jobs)
+        parts = all_in_order(part, list(product(moved, engines)), study.at_once)
     machines: list[ExplainedMachine] = []
     for runs in moved:
         machines.append(

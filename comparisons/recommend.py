@@ -38,6 +38,7 @@ from ..models.errors import InputError, TrebucheckError
 from ..models.library.registry import Model, models, parameters_type
 from ..models.library.registry import model as named_model
 from ..models.mechanism import Body, Mechanism
+from ..models.problem import StopLaw
 from ..models.shown import Reported
 from ..models.spec import Positive, Real, Spec
 from ..reference.certification.certificate import refusal
@@ -219,7 +220,8 @@ class Advice(Reported, ComparedMotion, ResultFile):
 # Targets
 
 _METRICS = {"position": "position_max", "torque": "stop_torque_max", "release": "release_time"}
-_SAMPLES = 2001  # of the reference, in search of the largest torque
+_SAMPLES = 2001  # of the reference, in search of the largest torque, and of gaps below zero
+_PENETRATED = 1e-9  # [rad, m], beyond the rounding of a gap that has just opened
 
 
 @dataclass(frozen=True)
@@ -668,7 +670,7 @@ class Search:
 
 def cost_of(trial: RunRecord) -> float:
     """Least processor time without our reading [s]; infinite for a run that failed."""
-    return min(trial.wall_times, default=math.inf)
+    return min(trial.costs or trial.wall_times, default=math.inf)
 
 
 # Obstacles
@@ -821,6 +823,7 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         InputError: a name or value is not valid, the end does not come, or the reference is not
             certain enough to judge the target. A run that fails raises nothing.
     """
+    study = study.on_idle_cores()
     (model,), (mechanism,) = study.models, study.mechanisms
     if not 0 <= neighbours <= _MOST_NEIGHBOURS:
         raise InputError(f"neighbours = {neighbours} must be between 0 and {_MOST_NEIGHBOURS}.")
@@ -849,6 +852,9 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         first = case(mechanism, end)
         first.refuse_what_cannot_be_judged()
         trials, launch_time = first.trials, first.trials.runner.launch_time
+        # A stop that opens once and for all is a law that no engine alone can follow where a motion
+        # comes back to it: the neighbours of a machine that does not come back do not either.
+        meets_again = _meets_again(trials)
         # What launches has neighbours that launch: another one is no trebuchet.
         until = replace(end, required=launch_time is not None or end.required)
         predictable = trials.end == trials.runner.end  # then so are its neighbours
@@ -860,11 +866,13 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
                 runs = case(machine, until, predictable)
             except TrebucheckError:
                 return None
+            if not meets_again and _meets_again(runs.trials):
+                return None
             return runs, NeighbourMachine(made_with=changes, mechanism_hash=machine.content_hash)
 
         cases, rows = [first], list[NeighbourMachine]()
         draws = islice(source, _DRAWS * neighbours)
-        with closing(in_order(solved, draws, study.jobs, ahead=2 * study.jobs)) as drawn:
+        with closing(in_order(solved, draws, study.at_once, ahead=2 * study.at_once)) as drawn:
             for runs, row in islice(filter(None, drawn), neighbours):
                 cases.append(runs)
                 rows.append(row)
@@ -876,13 +884,14 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         advice: list[EngineAdvice] = []
         for name in names:
             steps = Ladder.of(trials.time_scale, trials.runner.end)
-            search = Search(name, cases, steps, study.jobs, partial(_show, count, name))
+            search = Search(name, cases, steps, study.at_once, partial(_show, count, name))
             advice.append(_advice(search, sets[name], _model_arguments(study)))
     rule = "measured on this machine alone: nothing is said of any other"
     if rows:
         rule = (
-            f"measured on this machine and {len(rows)} neighbours drawn at random ({varied}); one "
-            f"in {len(rows) + 1} machines so drawn is worse than all of these"
+            f"measured on this machine and {len(rows)} neighbours drawn at random ({varied}"
+            f"{'' if meets_again else '; no motion goes through a stop that has opened'}); one in "
+            f"{len(rows) + 1} machines so drawn is worse than all of these"
         )
     return Advice.made_here(
         **trials.compared_motion,
@@ -893,6 +902,20 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         engines=tuple(advice),
         jobs=study.timed_at_once,
     )
+
+
+def _meets_again(trials: EngineRuns) -> bool:
+    """Tell whether the compared motion goes through a stop that does not close (again)."""
+    solution, times = trials.solution, np.linspace(0.0, trials.end, _SAMPLES)
+    if solution.problem.stop_law is not StopLaw.RELEASE_ONCE:
+        return False
+    q = solution.motion(times).q
+    for stop in trials.mechanism.stops:
+        opened = solution.release_times[stop.name] if stop.closed else 0.0
+        gap = solution.equations.kinematics.gap(stop.name, q)
+        if opened is not None and (gap[times > opened] < -_PENETRATED).any():
+            return True
+    return False
 
 
 def _show(count: Counter, engine: str, options: str) -> None:

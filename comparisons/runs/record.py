@@ -375,7 +375,7 @@ def runs_of(study: Study, worker: Worker) -> tuple[list[EngineRuns], dict[str, s
             return str(error)
 
     runs, failed = list[EngineRuns](), dict[str, str]()
-    solutions = all_in_order(solved, study.mechanisms, study.jobs)
+    solutions = all_in_order(solved, study.mechanisms, study.at_once)
     for mechanism, result in zip(study.mechanisms, solutions, strict=True):
         if isinstance(result, str):
             failed[mechanism.name] = result

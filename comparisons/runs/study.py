@@ -7,8 +7,9 @@ presets with the options of their runs.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any, Literal, Self, TypedDict, Unpack
@@ -157,7 +158,8 @@ class _HowRun(TypedDict, total=False):
     """Simulate in a process of its own, so that an engine's crash costs only its run; true if left
     out."""
     timeout: float  # longest wait for one run [s]
-    jobs: int  # processes at once; 1 if left out
+    jobs: int | None
+    """Processes at once; if left out as many as cores are idle, or 1 where times are shown."""
     progress: Progress | None
     """Called before each part with what it is, the number of parts done and of all parts."""
 
@@ -208,7 +210,9 @@ class Study:
     sweep: bool = False  # run at other time steps, for work and precision; of comparisons only
     diagnose: bool = True  # look for the causes of exceeded tolerances; of comparisons only
     timeout: float = 600.0  # longest wait for one isolated run [s]
-    jobs: int = 1  # processes at once: wall times include what runs cost each other
+    # Processes at once: wall times include what runs cost each other. None: 1, or as many as cores
+    # are idle in a study that shows no times but those it measures one at a time.
+    jobs: int | None = None
     progress: Progress | None = None
 
     @classmethod
@@ -254,9 +258,9 @@ class Study:
     def __post_init__(self) -> None:
         if not self.timeout > 0:
             raise InputError(f"timeout = {self.timeout!r} s must be positive.")
-        if self.jobs < 1:
+        if self.at_once < 1:
             raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
-        if self.jobs > 1 and not self.isolate:
+        if self.at_once > 1 and not self.isolate:
             raise InputError(
                 f"jobs = {self.jobs} needs isolated runs; in this process they are made one at "
                 "a time."
@@ -383,13 +387,34 @@ class Study:
         return registry.engine(made.name, made.preset, **{**options, "timestep": step})
 
     @property
+    def at_once(self) -> int:
+        """Processes at once."""
+        return 1 if self.jobs is None else self.jobs
+
+    def on_idle_cores(self) -> Study:
+        """The study with as many processes as cores are idle, if nothing else is asked for."""
+        if self.jobs is not None or not self.isolate:
+            return self
+        return replace(self, jobs=idle_cores())
+
+    @property
     def timed_at_once(self) -> int:
         """Most runs at once when the runs were timed that were made or taken from the store."""
-        return self.jobs if self.store is None else self.store.most_jobs(self.jobs)
+        return self.at_once if self.store is None else self.store.most_jobs(self.at_once)
 
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
-        return Worker(self.timeout, self.isolate, self.jobs)
+        return Worker(self.timeout, self.isolate, self.at_once)
+
+
+def idle_cores() -> int:
+    """Number of cores of this process without work in the last minute; at least 1."""
+    # os.process_cpu_count, which knows of the process's own limits, is of Python 3.13.
+    cores = os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        cores = len(os.sched_getaffinity(0))
+    busy = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    return max(1, round(cores - busy))
 
 
 def one_end(duration: float | None, until: str | float | None) -> str | float | None:

@@ -170,8 +170,8 @@ STUDY = study.EngineStudy(
         chosen="Its default is `SimulationSettings()`: generalised alpha, which holds the joints' "
         "positions, with steps that it adapts. The trapezoidal rule, which holds their speeds, has "
         "the smaller errors where constraints keep their rank, and the order {{ best.order }}; "
-        "alone it is set with a full Newton iteration and a least step that is short enough to find "
-        "contacts, but for loops without stops, whose singular positions it does not pass and "
+        "alone it is set with a full Newton iteration and a least step that is short enough to "
+        "find contacts, but for loops without stops, whose singular positions it does not pass and "
         "generalised alpha does.",
         not_possible="Stops are its unilateral elements (limits of coordinate springs, contacts "
         "with an impact model), whose stiffness has no default: ours gives them a period of ten "

@@ -74,8 +74,8 @@ def _settings(advice: Advice) -> doc.Table:
         step, wall = format_step(choice.step), f"{choice.wall_time:.3f}"
         rows.append(doc.row(engine, _label(choice), step, *errors, wall, neighbour))
     caption = (
-        "The cheapest measured settings of each engine, the quickest first; errors on this machine. "
-        "In assisted ones trebucheck does a part of the run"
+        "The cheapest measured settings of each engine, the quickest first; errors on this "
+        "machine. In assisted ones trebucheck does a part of the run"
     )
     return doc.table(doc.ranked(heads, settings=0, step=0, release=2, wall=3), rows, caption)
 
