@@ -105,7 +105,8 @@ def test_what_is_recommended_was_measured_and_reaches_it() -> None:
     own = EngineRuns(Runner(tb.fixed()))
     again = own.record(tb.engine("mujoco", choice.preset, **choice.changes))
     assert again.position == choice.here.position
-    assert len(found.neighbours) == NEIGHBOURS and len(choice.wall_times) == 3
+    assert len(found.neighbours) == found.measured_neighbours == NEIGHBOURS
+    assert len(choice.wall_times) >= 3
     jsonschema.validate(json.loads(found.to_json()), json.loads(schema_text(Advice)))
 
 

@@ -24,15 +24,17 @@ from trebucheck.__main__ import main
 from trebucheck.comparisons import recommend as recommending
 from trebucheck.comparisons.recommend import (
     PYTHON,
-    RUNGS,
-    SCREENED_AT,
+    TIE,
     Advice,
     Asked,
+    Ladder,
     Obstacle,
     Search,
+    Sweep,
     TargetedRuns,
+    TimedSweep,
+    cheapest,
     configured,
-    ladder,
     option_sets,
     read_torque,
     recommend_study,
@@ -47,7 +49,8 @@ from trebucheck.engines.study import OptionSet
 from trebucheck.models.spec import schema_text
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
-STEPS = ladder(1.8)
+LADDER = Ladder.of(1.8, 2.0)
+STEPS = LADDER.steps[LADDER.moderate :]
 
 
 # What is asked
@@ -102,10 +105,17 @@ def test_a_share_of_the_torque_is_each_machines_own() -> None:
 
 
 def test_the_ladder_is_of_round_steps_and_follows_the_machines_own_time() -> None:
-    assert STEPS == (0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001, 5e-05)
-    assert len(STEPS) == RUNGS
-    small = ladder(1.8 / 10)
-    assert small == tuple(float(f"{step / 10:.0e}") for step in STEPS)
+    assert LADDER.steps[LADDER.moderate :] == STEPS
+    assert STEPS == (0.005, 0.002, 0.001, 0.0005, 0.0002, 0.0001, 5e-05, 2e-05)
+    assert LADDER.steps[: LADDER.moderate] == (0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
+    small = Ladder.of(1.8 / 10, 0.2)
+    assert small.steps == tuple(float(f"{step / 10:.0e}") for step in LADDER.steps)
+
+
+def test_no_step_is_longer_than_an_engine_takes_or_a_motion_lasts() -> None:
+    assert Ladder.of(100.0, 1e3).steps[0] == 1.0
+    brief = Ladder.of(1.8, 1e-2)
+    assert brief.moderate == 0 and brief.steps[0] == 2e-3
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -212,7 +222,7 @@ def _search(
     cost: tuple[float, float],
     factors: tuple[float, ...] = (1.0,),
     floor: float = 0.0,
-) -> tuple[Search, list[Any], list[_Synthetic]]:
+) -> tuple[Search, list[Sweep], list[_Synthetic]]:
     names = (PLAIN.name, DEAR.name)
     made = [
         _Synthetic(
@@ -221,53 +231,92 @@ def _search(
         for f in factors
     ]
     cases = [TargetedRuns(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
-    search = Search("mujoco", cases, STEPS)
-    return search, [search.sweep(options) for options in (DEAR, PLAIN)][::-1], made
+    search = Search("mujoco", cases, LADDER)
+    return search, search.sweeps((PLAIN, DEAR)), made
+
+
+def _chosen(search: Search, sweeps: list[Sweep]) -> tuple[OptionSet, float] | None:
+    found = cheapest(search.timed(sweeps))
+    return None if found is None else (found.sweep.options, found.rung.step)
 
 
 def test_the_longest_step_that_reaches_it_is_found() -> None:
+    search, sweeps, _ = _search((1.0, 9e-5), (1.0, 1.0))  # h^2 <= 1e-6, and 9e-5 h^2
+    assert [sweep.reached and sweep.reached.step for sweep in sweeps] == [None, 0.1]
+    assert _chosen(search, sweeps) == (DEAR, 0.1)
     search, sweeps, _ = _search((1.0, 1.0), (1.0, 10.0))
-    assert [sweep.reached.step for sweep in sweeps] == [1e-3, 1e-3]  # 1 * h^2 <= 1e-6
-    chosen = search.chosen(sweeps)
-    assert chosen is not None and chosen[0].options is PLAIN
-    assert len(chosen[2].wall_times) == 3
+    assert sweeps[0].reached is not None and sweeps[0].reached.step == 1e-3
+    assert sweeps[0].note == "reached; a longer step does not"
+
+
+def test_where_all_steps_reach_it_that_is_said() -> None:
+    _, sweeps, _ = _search((1e-9, 1e-9), (1.0, 10.0))
+    assert sweeps[0].reached is not None and sweeps[0].reached.step == LADDER.steps[0]
+    assert sweeps[0].note == "reached at the longest step tried"
 
 
 def test_the_cheaper_run_wins_though_its_step_is_dearer() -> None:
     search, sweeps, _ = _search((4.0, 0.009), (1.0, 2.0))  # steps 5e-4 and 1e-2
-    chosen = search.chosen(sweeps)
-    assert chosen is not None and (chosen[0].options, chosen[1].step) == (DEAR, 1e-2)
+    assert _chosen(search, sweeps) == (DEAR, 1e-2)
 
 
 def test_of_two_as_cheap_the_plainer_one_is_taken() -> None:
     search, sweeps, _ = _search((1.0, 1.0), (1.1, 1.0))
-    chosen = search.chosen(sweeps)
-    assert chosen is not None and chosen[0].options is PLAIN
+    assert _chosen(search, sweeps) == (PLAIN, 1e-3)
 
 
-def test_the_hardest_neighbour_decides_and_was_measured() -> None:
+@pytest.mark.parametrize("noise", [0.9, 1.0, 1.1])
+def test_of_two_as_cheap_the_longer_step_is_taken(noise: float) -> None:
+    """Their costs are equal: half the steps at twice the cost of one."""
+    search, sweeps, _ = _search((1.0, 0.25), (noise, 2.0))
+    assert _chosen(search, sweeps) == (DEAR, 2e-3)
+
+
+def test_what_is_as_cheap_is_a_matter_of_one_factor() -> None:
+    rung, sweep = SimpleNamespace(step=1.0), SimpleNamespace()
+
+    def timed(cost: float) -> TimedSweep:
+        run = SimpleNamespace(costs=(2 * cost, cost), wall_times=(cost,))
+        return TimedSweep(*map(cast, (Any, Any, Any), (sweep, rung, run)))
+
+    first, near, far = timed(0.99 * TIE), timed(1.0), timed(1.01 * TIE)
+    assert cheapest([first, near]) is first
+    assert cheapest([far, near]) is near
+    assert cheapest([first, far], below=TIE) is first and cheapest([far], below=TIE) is None
+    assert cheapest([]) is None
+
+
+def test_every_neighbour_was_measured_at_the_recommended_step() -> None:
     factors = (1.0, *(0.5 + 0.1 * i for i in range(20)), 24.0)
     search, sweeps, made = _search((1.0, 1.0), (1.0, 10.0), factors)
-    chosen = search.chosen(sweeps)
-    assert chosen is not None and chosen[1].step == 2e-4  # 24 * h^2 <= 1e-6
-    for trials in (made[0], made[-1]):
-        assert (PLAIN.name, 2e-4) in trials.made
-    assert (PLAIN.name, 2e-4) not in made[1].made  # an easy one was only screened
-    assert (DEAR.name, STEPS[SCREENED_AT]) in made[1].made
+    assert _chosen(search, sweeps) == (PLAIN, 2e-4)  # 24 * h^2 <= 1e-6
+    assert sweeps[0].reached is not None
+    assert sorted(sweeps[0].reached.trials) == list(range(len(factors)))
+    assert all((PLAIN.name, 2e-4) in trials.made for trials in made)
 
 
-def test_a_set_that_must_be_dearer_is_not_run_on_all_machines() -> None:
-    search, sweeps, made = _search((1.0, 1.0), (1000.0, 1.0), (1.0, 0.5, 24.0))
+def test_a_set_that_must_be_dearer_is_not_run_on_the_neighbours() -> None:
+    _, sweeps, made = _search((1.0, 1.0), (1000.0, 1.0), (1.0, 0.5, 0.7))
     plain = sweeps[0]
-    assert plain.dropped and plain.reached is None and "cost more" in plain.note
-    assert not [name for name, _ in made[1].made if name == PLAIN.name]
-    chosen = search.chosen(sweeps)
-    assert chosen is not None and chosen[0].options is DEAR
+    assert plain.reached is None and "costs more" in plain.note
+    assert not [name for trials in made[1:] for name, _ in trials.made if name == PLAIN.name]
+
+
+def test_a_set_that_a_neighbour_makes_dearer_is_given_up() -> None:
+    """The machine itself is as cheap with both; the last neighbour needs a fifth of the step."""
+    constants = {PLAIN.name: 1.0, DEAR.name: 1.0}
+    made = [_Synthetic(f, constants, {PLAIN.name: 1.0, DEAR.name: 1.5}) for f in (1.0, 24.0)]
+    made[1].constants = {PLAIN.name: 1.0, DEAR.name: 1e-3}
+    cases = [TargetedRuns(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
+    search = Search("mujoco", cases, LADDER)
+    sweeps = search.sweeps((PLAIN, DEAR), bound=1.6e3)
+    assert sweeps[0].reached is None and "would cost more" in sweeps[0].note
+    assert _chosen(search, sweeps) == (DEAR, 1e-3)
 
 
 def test_a_floor_is_given_up_and_named() -> None:
     search, sweeps, _ = _search((1.0, 1.0), (1.0, 1.0), floor=1e-5)
-    assert search.chosen(sweeps) is None
+    assert _chosen(search, sweeps) is None
     verdict = recommending.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.FLOOR
     assert (
@@ -282,11 +331,15 @@ def test_what_was_reached_is_told_of_the_best_step_measured() -> None:
     The least of their errors is told.
     """
     search, sweeps, _ = _search((1e6, 1e6), (1.0, 1.0))
-    assert all(STEPS[-1] not in sweep.levels for sweep in sweeps)
+    assert all(STEPS[-1] not in sweep.rungs for sweep in sweeps)
     verdict = recommending.explain(search, sweeps)
     assert verdict.obstacle is Obstacle.STEP
     best = 1e6 * STEPS[-1] ** 2
     assert f" at {STEPS[-1]:g} s, has an error of the position of {best:.1e} m" in verdict.sentence
+    search, sweeps, made = _search((1e6, 1e6), (1.0, 1.0))
+    before = len(made[0].made)
+    assert recommending.explain(search, sweeps, further=False).obstacle is Obstacle.STEP
+    assert {step for _, step in made[0].made[before:]} <= {*sweeps[0].rungs, *sweeps[1].rungs}
 
 
 # Texts to paste

@@ -320,7 +320,7 @@ def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
 
     What is made anew is disturbed by nothing.
     """
-    monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
+    monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.at_once))
     out = [
         "compare",
         "--models",
@@ -346,7 +346,7 @@ def test_times_taken_from_a_store_are_still_of_as_many_runs_at_once(
 def test_trials_taken_from_a_store_are_still_of_as_many_runs_at_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.jobs))
+    monkeypatch.setattr(Study, "worker", lambda study: Worker(isolate=False, jobs=study.at_once))
     machine = ["--model", "pendulum", "--engines", "pymunk", "--out", str(tmp_path)]
     commands = {
         "explain": ["--preset", "assisted", "--until", "0.1", "--timestep", "5e-3"],
