@@ -10,6 +10,7 @@ mass.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -18,23 +19,25 @@ from pydantic import Field
 
 from ..models.arrays import FloatArray
 from ..models.elements import GROUND, PinJoint
+from ..models.errors import UnsupportedProblemError
 from ..models.mechanism import Body, Mechanism
 from ..models.spec import Vector
 
 LeastInertia = Annotated[
-    float,
+    float | None,
     Field(
         gt=0.0, le=0.1,
         description="of a body about its centre of mass, as a part of m d^2, d the distance of "
-                    "its pin: what is "
-        "missing is made up by mass moved along the pin, which changes no motion",
+        "its pin: what is missing is made up by mass moved along the pin, which changes no "
+        "motion; None: bodies are as they are, and point masses alone get some",
     ),
 ]  # fmt: skip
-"""An engine's option."""
+"""An engine's option; None: as :func:`spread_masses` says."""
 
 _ADDED = 1e-5
 """Least inertia in all cases, of m d^2; for a body without a pin it changes the motion."""
 _LENT = 0.5  # most that a body gives of its mass and of its inertia for one pin
+_OF_POINTS = 0.1  # greatest :data:`LeastInertia`
 
 
 @dataclass
@@ -50,10 +53,12 @@ class NoPointMasses:
         original: any mechanism.
         least: see :data:`LeastInertia`; at most this much is made up for, less where the other body
             is too light.
+        points_only: whether bodies that have any inertia keep theirs, however little it is.
     """
 
     original: Mechanism
     least: float
+    points_only: bool = False
     mechanism: Mechanism = field(init=False)
     moved: dict[str, float] = field(init=False)
     """By the pin's name: the mass that its child has gained, and its parent lost [kg]."""
@@ -75,7 +80,7 @@ class NoPointMasses:
             ]
             reach2 = max(_distance2(body, point) for point in points) or 1.0
             least = _ADDED * body.mass * reach2
-            if body.inertia < least:
+            if body.inertia < least and not self._keeps(body):
                 bodies[body.name] = body.model_copy(update={"inertia": least})
                 self.added[body.name] = least - body.inertia
         # Not validated: what it is made of was.
@@ -107,8 +112,14 @@ class NoPointMasses:
             acceleration - np.array(self.original.gravity_vector)
         )
 
+    def _keeps(self, body: Body) -> bool:
+        """Tell whether a body keeps what inertia it has."""
+        return self.points_only and body.inertia > 0
+
     def _fill_up(self, name: str, bodies: dict[str, Body]) -> None:
         """Move mass to a body along the first of its pins that can bring inertia."""
+        if self._keeps(bodies[name]):
+            return
         for joint in self.original.joints:
             body = bodies[name]
             distance2 = _distance2(body, joint.child_point)
@@ -132,6 +143,56 @@ class NoPointMasses:
                     )
                 self.moved[joint.name] = lent
                 return
+
+
+def spread_masses(mechanism: Mechanism, least: float | None, engine: str) -> NoPointMasses:
+    """The mechanism of the same motion that an engine is given.
+
+    Args:
+        mechanism: any.
+        least: inertia that each body gets, see :data:`LeastInertia`. None: point masses alone get
+            some, a part of that of what turns with them or by mass moved along their pins, and all
+            other bodies are as they are.
+        engine: its name, for messages.
+
+    Raises:
+        UnsupportedProblemError: `least` is None, and a point mass has no pin.
+    """
+    if least is not None:
+        return NoPointMasses(mechanism, least)
+    made = NoPointMasses(shared_inertia(mechanism), _OF_POINTS, points_only=True)
+    for name in made.added:
+        raise UnsupportedProblemError(
+            f"our adapter gives a point mass the moment that bodies of {engine} need by mass moved "
+            f"along its pin; {name!r} has no pin that it could be moved along."
+        )
+    return made
+
+
+def spreads_masses(mechanism: Mechanism) -> bool:
+    """Tell whether :data:`LeastInertia` can change what an engine is given of a mechanism."""
+    return bool(NoPointMasses(mechanism, _OF_POINTS).mechanism != mechanism)
+
+
+def shared_inertia(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with point masses that have a part of the inertia that turns with them.
+
+    Where bodies turn together only its sum counts; where they do not turn it counts for nothing.
+    """
+    together: dict[int | None, list[Body]] = {}
+    for body in mechanism.bodies:
+        together.setdefault(mechanism.attitudes[body.name][0], []).append(body)
+    inertias: dict[str, float] = {}
+    for index, group in together.items():
+        share = math.fsum(body.inertia for body in group) / len(group)
+        for body in group:
+            inertias[body.name] = body.inertia
+            if index is None:
+                inertias[body.name] = body.inertia or body.mass
+            elif any(other.inertia == 0 for other in group):
+                inertias[body.name] = share
+    bodies = (b.model_copy(update={"inertia": inertias[b.name]}) for b in mechanism.bodies)
+    return mechanism.model_copy(update={"bodies": tuple(bodies)})
 
 
 def _distance2(body: Body, point: Vector) -> float:

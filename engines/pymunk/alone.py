@@ -30,11 +30,11 @@ from ...models.arrays import ComplexArray, FloatArray, as_vectors
 from ...models.elements import GROUND
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
-from ...models.mechanism import Body, Mechanism
+from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
 from .. import study
 from ..events import ContactEvents, note_own_releases, whole_steps
-from ..point_masses import NoPointMasses
+from ..point_masses import NoPointMasses, shared_inertia
 from ..protocol import Recording
 from ..reading import read_each_step, timed_reading
 from .bodies import Assembly, LumpedMass, placed_part, without_welds
@@ -151,7 +151,7 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
         space.collision_bias = options.collision_bias
     made = DocumentedSpace(Assembly(space, mechanism, rigid, placements))
     kinematics, state = Kinematics(rigid), initial_state(rigid)
-    massive = NoPointMasses(_shared_inertia(rigid), _LEAST_INERTIA)
+    massive = NoPointMasses(shared_inertia(rigid), _LEAST_INERTIA)
     for name in massive.added:
         raise UnsupportedProblemError(
             f"our adapter gives a point mass the moment that pymunk's bodies need by mass moved "
@@ -176,27 +176,6 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
         if len(set(element.bodies)) == len(element.bodies):  # else within one rigid body
             add_force(builder, element)
     return made
-
-
-def _shared_inertia(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with point masses that have a part of the inertia that turns with them.
-
-    Where bodies turn together only its sum counts; where they do not turn it counts for nothing.
-    """
-    together: dict[int | None, list[Body]] = {}
-    for body in mechanism.bodies:
-        together.setdefault(mechanism.attitudes[body.name][0], []).append(body)
-    inertias: dict[str, float] = {}
-    for index, group in together.items():
-        share = math.fsum(body.inertia for body in group) / len(group)
-        for body in group:
-            inertias[body.name] = body.inertia
-            if index is None:
-                inertias[body.name] = body.inertia or body.mass
-            elif any(other.inertia == 0 for other in group):
-                inertias[body.name] = share
-    bodies = (b.model_copy(update={"inertia": inertias[b.name]}) for b in mechanism.bodies)
-    return mechanism.model_copy(update={"bodies": tuple(bodies)})
 
 
 class _Builder:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from mechanisms import hanging_bob
 from random_mechanisms import random_mechanism
-from trebucheck.engines.point_masses import NoPointMasses
-from trebucheck.models.elements import GROUND, PinJoint
+from trebucheck.engines.point_masses import NoPointMasses, spread_masses, spreads_masses
+from trebucheck.models.elements import GROUND, FreeJoint, PinJoint
+from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.library.trebuchet import fixed, rolling
 from trebucheck.models.mechanism import Body, Marker, Mechanism
@@ -181,3 +182,33 @@ def test_what_is_thrown_at_a_marker(
     mechanism = hanging_bob(bodies=(body,), markers=(thrown, peg))
     assert mechanism.thrown_mass(thrown) == mass
     assert mechanism.thrown_mass(peg) is None
+
+
+def test_bodies_with_any_inertia_are_as_they_are_without_a_least_one() -> None:
+    given = fixed()
+    made = spread_masses(given, None, "an engine")
+    lenders = {joint.parent for joint in given.joints if joint.name in made.moved}
+    assert made.moved
+    for body, before in zip(made.mechanism.bodies, given.bodies, strict=True):
+        assert body.inertia > 0
+        assert body == before or before.inertia == 0 or body.name in lenders
+
+
+def test_point_masses_without_a_pin_are_refused_without_a_least_inertia() -> None:
+    body = Body(name="bob", angle="q", mass=1.0, centre=(0.0, 0.0), inertia=0.0)
+    free = Mechanism(
+        name="free",
+        bodies=(body,),
+        joints=(FreeJoint(name="air", child="bob", coordinates=("x", "y")),),
+        stops=(),
+        gravity=9.81,
+        start=(0.0, 0.0, 0.0),
+    )
+    with pytest.raises(UnsupportedProblemError, match="'bob' has no pin"):
+        spread_masses(free, None, "an engine")
+
+
+def test_only_mechanisms_with_little_inertia_can_be_changed() -> None:
+    assert spreads_masses(fixed())
+    heavy = tuple(body.model_copy(update={"inertia": 1e6}) for body in fixed().bodies)
+    assert not spreads_masses(fixed().model_copy(update={"bodies": heavy}))

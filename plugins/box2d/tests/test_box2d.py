@@ -1,8 +1,11 @@
-"""Box2D against the reference, and the floor of its precision; orders and limits are in
-`plugins/tests`."""
+"""Box2D's defaults, Box2D against the reference, and the floor of its precision; orders, limits and
+presets are in `plugins/tests`."""
 
+import ast
+from importlib.resources import files
 from itertools import pairwise
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +20,90 @@ FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.
 def _end(step: float, iterations: int) -> np.ndarray:
     found = tb.engine("box2d", timestep=step, velocity_iterations=iterations).simulate(FREE_SWING)
     return np.array([motion.position[-1] for motion in found.markers.values()])
+
+
+def _numbers(thing: object, leave: tuple[str, ...]) -> dict[str, object]:
+    """Numbers and switches of an object of Box2D's, by name."""
+    values = {
+        name: getattr(thing, name)
+        for name in dir(thing)
+        if not name.startswith("_") and name not in leave
+    }
+    return {name: value for name, value in values.items() if isinstance(value, int | float)}
+
+
+def test_the_defaults_are_box2ds_own() -> None:
+    """`Step` has none: step and iterations of its first example; all else as Box2D makes it."""
+    import Box2D
+
+    default, found = tb.engine("box2d", "default"), dict[str, object]()
+    example = ast.parse(files("Box2D").joinpath("examples/hello.py").read_text(encoding="utf-8"))
+    for node in example.body:
+        if isinstance(node, ast.Assign):
+            code = compile(ast.Expression(node.value), "hello.py", "eval")
+            if "iters" in ast.dump(node) or "timeStep" in ast.dump(node):
+                value = eval(code)
+                (target,) = node.targets
+                names = target.elts if isinstance(target, ast.Tuple) else [target]
+                values = value if isinstance(target, ast.Tuple) else (value,)
+                found |= {name.id: each for name, each in zip(names, values, strict=True)}
+    assert found == {
+        "timeStep": default.timestep,
+        "vel_iters": default.velocity_iterations,
+        "pos_iters": default.position_iterations,
+    }
+    for problem in ("slider-crank", "bead", "welded-rods"):
+        program: dict[str, Any] = {}
+        given = benchmark(problem).problem().model_copy(update={"duration": 0.1})
+        exec(default.script(given), program)
+        bare, world = Box2D.b2World(), program["world"]
+        body = bare.CreateDynamicBody()
+        counts = ("bodyCount", "jointCount", "contactCount", "proxyCount")
+        assert _numbers(world, counts) == _numbers(bare, counts)
+        moved = ("angle", "angularVelocity", "inertia", "mass", "awake")
+        for name, made in program["bodies"].items():
+            if name != "ground":
+                assert _numbers(made, moved) == _numbers(body, moved)
+        for made in program["joints"].values():
+            assert not getattr(made, "limitEnabled", False)
+            assert not getattr(made, "motorEnabled", False)
+
+
+def test_a_body_at_rest_falls_asleep_by_default_alone() -> None:
+    """Box2D stops what hardly moves for half a second, as its worlds do that set nothing."""
+    rod = tb.Body(name="rod", angle="q", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
+    made = tb.Mechanism(
+        name="slow rod",
+        bodies=(rod,),
+        joints=(
+            tb.PinJoint(
+                name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+            ),
+        ),
+        stops=(),
+        gravity=0.0,
+        start=(0.0,),
+        start_speeds=(0.01,),
+    )
+    problem = tb.Problem(made, duration=1.0)
+    assert tb.engine("box2d", "default").simulate(problem).u[-1, 0] == 0.0
+    for preset in ("settings", "assisted"):
+        end = tb.engine("box2d", preset).simulate(problem).u[-1, 0]
+        assert end == pytest.approx(0.01, rel=1e-4)
+
+
+@pytest.mark.parametrize("preset", ["default", "settings"])
+@pytest.mark.parametrize("model", ["fixed", "rolling"])
+def test_a_stop_is_read_as_released_where_it_has_pushed_last(model: str, preset: str) -> None:
+    """Its limit pauses where rounding leaves the angle short of it; that is no release."""
+    problem, engine = tb.Problem(tb.model(model), duration=1.4), tb.engine("box2d", preset)
+    found, right = engine.simulate(problem), tb.engine("reference").simulate(problem)
+    for name, time in right.release_times.items():
+        released = found.release_times[name]
+        if time is None:
+            assert released is None
+        else:  # two steps by the scheme and its end; rounding as with assistance
+            assert released == pytest.approx(time, abs=2 * engine.timestep + 5e-3)
 
 
 def test_limits_where_the_stops_are_let_go_at_once() -> None:

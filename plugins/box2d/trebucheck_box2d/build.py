@@ -1,10 +1,13 @@
 """The Box2D world of a mechanism: rigid bodies about their centres of mass, and joints.
 
-Box2D's angles are anticlockwise, and all its numbers are of single precision.
+Box2D's angles are anticlockwise, and all its numbers are of single precision. What is built is a
+plan first: arguments of Box2D's own functions, from which :mod:`.alone` writes a program.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import Box2D
@@ -12,55 +15,111 @@ import numpy as np
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import (
     GROUND,
+    JOINTS,
     AnyJoint,
     AnyStop,
+    ElementTable,
     FreeJoint,
     PinJoint,
+    PrismaticJoint,
+    SlotJoint,
     Stop,
     WeldJoint,
 )
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
-from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import Limit
 
 Vector = tuple[float, float]
 WIDE = 1e6  # [rad] a limit that is never met
 
 
-class Built:
-    """A mechanism's world."""
+@dataclass(frozen=True)
+class BodyPlan:
+    """A dynamic body, whose frame is at its centre of mass."""
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        """Build the world; a body without inertia is one that Box2D never turns."""
+    name: str
+    mass: float  # [kg]
+    inertia: float  # about the centre of mass [kg m^2]
+    arguments: Mapping[str, Any]  # of CreateDynamicBody
+
+
+@dataclass(frozen=True)
+class JointPlan:
+    """A joint between two bodies."""
+
+    name: str
+    kind: str  # Revolute, Weld, Prismatic or Wheel, as in CreateRevoluteJoint
+    parent: str
+    child: str
+    arguments: Mapping[str, Any]  # of that function, without the bodies
+
+
+class Plan:
+    """What is built of a mechanism.
+
+    Args:
+        mechanism: a body without inertia is one that Box2D never turns.
+        stops: those that are limits of pins.
+        set_back: angle by which limits lie beyond their stops [rad].
+        allow_sleep: whether bodies at rest are let sleep.
+
+    Raises:
+        UnsupportedProblemError: a stop is on no pin.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        stops: Collection[AnyStop] = (),
+        *,
+        set_back: float = 0.0,
+        allow_sleep: bool = False,
+    ) -> None:
         self.mechanism = mechanism
-        self.world: Any = Box2D.b2World(gravity=mechanism.gravity_vector, doSleep=False)
-        self.ground: Any = self.world.CreateStaticBody(position=(0.0, 0.0))
-        self.bodies: dict[str, Any] = {GROUND: self.ground}
+        self.gravity = mechanism.gravity_vector
         self.centres: dict[str, Vector] = {GROUND: (0.0, 0.0)} | {
             b.name: b.centre for b in mechanism.bodies
         }
-        self._add_bodies()
-        self.joints = {
-            joint.name: self._joint(joint)
-            for joint in mechanism.joints
-            if not isinstance(joint, FreeJoint)
+        self.pins = [joint.name for joint in mechanism.joints if isinstance(joint, PinJoint)]
+        """Names of the revolute joints, those that close loops among them."""
+        self.limits = {stop.name: self._limit(stop, set_back) for stop in stops}
+        """Ends of ranges, anticlockwise; their index is that of a pin."""
+        limited = {
+            self.pins[index]: {"enableLimit": True, "lowerAngle": low, "upperAngle": high}
+            for index, (low, high) in self.ranges(self.limits.values()).items()
         }
-        self.pins = [self.joints[joint.name] for joint in self._pins]
-        """Revolute joints, those that close loops among them."""
+        kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
+        # Box2D 2.3.10 lets bodies of a world with `doSleep=False` sleep all the same.
+        sleep = {} if allow_sleep else {"allowSleep": False}
+        self.bodies = [_body(body, kinematics, q, u, sleep) for body in mechanism.bodies]
+        self.joints: list[JointPlan] = []
+        for joint in mechanism.joints:
+            kind, arguments = _JOINTS[joint](joint)
+            if kind is not None:
+                arguments = self._ends(joint) | arguments | limited.get(joint.name, {})
+                self.joints.append(
+                    JointPlan(joint.name, kind, joint.parent, joint.child, arguments)
+                )
+
+    @staticmethod
+    def ranges(limits: Collection[Limit]) -> dict[int, Vector]:
+        """Least and greatest angle of each pin with limits [rad]."""
+        return {
+            index: (max(low, -WIDE), min(high, WIDE))
+            for index, (low, high) in Limit.ranges(limits).items()
+        }
 
     def anchor(self, body: str, point: Vector) -> Vector:
         """A point of a body in Box2D's frame, which lies at the centre of mass."""
         centre = self.centres[body]
         return point[0] - centre[0], point[1] - centre[1]
 
-    def limit(self, stop: AnyStop, set_back: float = 0.0) -> Limit:
-        """A stop as the end of a pin's range, anticlockwise, lying beyond it by an angle [rad].
-
-        Raises:
-            UnsupportedProblemError: it is on no pin.
-        """
-        for index, joint in enumerate(self._pins):
+    def _limit(self, stop: AnyStop, set_back: float) -> Limit:
+        """A stop as the end of a pin's range, anticlockwise, lying beyond it by an angle [rad]."""
+        pins = (joint for joint in self.mechanism.joints if isinstance(joint, PinJoint))
+        for index, joint in enumerate(pins):
             if isinstance(stop, Stop) and {joint.parent, joint.child} == {
                 stop.body,
                 stop.relative_to,
@@ -68,55 +127,91 @@ class Built:
                 sense = -stop.sense if stop.body == joint.child else stop.sense
                 return Limit(index, sense, sense * (stop.limit + set_back))
         raise UnsupportedProblemError(
-            f"box2d has limits on revolute joints alone, and stop {stop.name!r} is on none."
+            f"our adapter builds stops for box2d as limits of its revolute joints, and stop "
+            f"{stop.name!r} is on none."
         )
 
-    @property
-    def _pins(self) -> list[AnyJoint]:
-        return [joint for joint in self.mechanism.joints if isinstance(joint, PinJoint)]
-
-    def _add_bodies(self) -> None:
-        mechanism, kinematics = self.mechanism, Kinematics(self.mechanism)
-        q, u = initial_state(mechanism)
-        for body in mechanism.bodies:
-            row, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
-            made = self.world.CreateDynamicBody(
-                position=kinematics.position(row, q).tolist(),
-                angle=-float(angle.value(q)),
-                linearVelocity=kinematics.velocity(row, q, u).tolist(),
-                angularVelocity=-float(angle.coefficients @ u),
-                linearDamping=0.0,
-                angularDamping=0.0,
-                allowSleep=False,
-            )
-            made.massData = Box2D.b2MassData(mass=body.mass, center=(0.0, 0.0), I=body.inertia)
-            self.bodies[body.name] = made
-
-    def _joint(self, joint: AnyJoint) -> Any:
-        first, second = self.bodies[joint.parent], self.bodies[joint.child]
-        ends: dict[str, Any] = {
-            "bodyA": first,
-            "bodyB": second,
+    def _ends(self, joint: AnyJoint) -> dict[str, Any]:
+        return {
             "localAnchorA": self.anchor(joint.parent, joint.parent_point),
             "localAnchorB": self.anchor(joint.child, joint.child_point),
         }
-        turned = -(joint.turned_by or 0.0)
-        if isinstance(joint, PinJoint):
-            return self.world.CreateRevoluteJoint(
-                **ends, referenceAngle=0.0, lowerAngle=-WIDE, upperAngle=WIDE
-            )
-        if isinstance(joint, WeldJoint):
-            return self.world.CreateWeldJoint(**ends, referenceAngle=turned)
-        if joint.holds_angle:
-            return self.world.CreatePrismaticJoint(
-                **ends, localAxisA=joint.axis, referenceAngle=turned
-            )
-        # A wheel joint slides along its axis and turns. Without a spring (frequency 0) it
-        # multiplies zero by numbers that it has not set (erincatto/box2d#491), which may be no
-        # numbers; the force of this one is below rounding.
-        return self.world.CreateWheelJoint(
-            **ends, localAxisA=joint.axis, frequencyHz=1e-9, dampingRatio=0.0
-        )
+
+
+def _body(
+    body: Body, kinematics: Kinematics, q: FloatArray, u: FloatArray, more: Mapping[str, Any]
+) -> BodyPlan:
+    row, angle = kinematics.point(body.name, body.centre), kinematics.angle(body.name)
+    arguments = {
+        "position": tuple(kinematics.position(row, q).tolist()),
+        "angle": -float(angle.value(q)),
+        "linearVelocity": tuple(kinematics.velocity(row, q, u).tolist()),
+        "angularVelocity": -float(angle.coefficients @ u),
+        **more,
+    }
+    return BodyPlan(body.name, body.mass, body.inertia, arguments)
+
+
+_Made = tuple[str | None, dict[str, Any]]
+"""Kind of a joint, None for none, and arguments of its own."""
+
+
+def _pin(joint: PinJoint) -> _Made:
+    return "Revolute", {"referenceAngle": 0.0}
+
+
+def _weld(joint: WeldJoint) -> _Made:
+    return "Weld", {"referenceAngle": -joint.turned_by}
+
+
+def _slide(joint: PrismaticJoint) -> _Made:
+    return "Prismatic", {"localAxisA": joint.axis, "referenceAngle": -joint.turned_by}
+
+
+def _slot(joint: SlotJoint) -> _Made:
+    # A wheel joint slides along its axis and turns. Without a spring (frequency 0) it multiplies
+    # zero by numbers that it has not set (erincatto/box2d#491), which may be no numbers; the force
+    # of this one is below rounding.
+    return "Wheel", {"localAxisA": joint.axis, "frequencyHz": 1e-9, "dampingRatio": 0.0}
+
+
+def _free(joint: FreeJoint) -> _Made:
+    return None, {}
+
+
+_JOINTS: ElementTable[Callable[[Any], _Made]] = ElementTable(
+    "Box2D's builder",
+    JOINTS,
+    {
+        PinJoint: _pin,
+        WeldJoint: _weld,
+        PrismaticJoint: _slide,
+        SlotJoint: _slot,
+        FreeJoint: _free,
+    },
+)
+
+
+class Built:
+    """A world made as planned."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.mechanism, self.centres = plan, plan.mechanism, plan.centres
+        self.world: Any = Box2D.b2World(gravity=plan.gravity)
+        self.bodies: dict[str, Any] = {GROUND: self.world.CreateStaticBody()}
+        for body in plan.bodies:
+            made = self.bodies[body.name] = self.world.CreateDynamicBody(**body.arguments)
+            made.massData = Box2D.b2MassData(mass=body.mass, center=(0.0, 0.0), I=body.inertia)
+        self.joints: dict[str, Any] = {}
+        for joint in plan.joints:
+            create = getattr(self.world, f"Create{joint.kind}Joint")
+            ends = {"bodyA": self.bodies[joint.parent], "bodyB": self.bodies[joint.child]}
+            self.joints[joint.name] = create(**ends, **joint.arguments)
+        self.pins = [self.joints[name] for name in plan.pins]
+
+    def anchor(self, body: str, point: Vector) -> Vector:
+        """A point of a body in Box2D's frame."""
+        return self.plan.anchor(body, point)
 
 
 def turned(angle: float) -> FloatArray:

@@ -3,28 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
-from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.point_masses import LeastInertia
+from trebucheck.engines.point_masses import spreads_masses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Part, Supplied
+from trebucheck.engines.supplied import Assistance, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.spec import NonNegative
 from trebucheck_toolkit.plain_run import plain_run
 
+from .options import Box2DOptions
 from .study import STUDY
 
+_ALONE: Mapping[str, object] = {"set_back": 0.0, "keep_limits": True, "least_inertia": None}
+"""Options with which trebucheck takes no part in a run."""
 
-class Box2DEngine(BuiltinEngine):
-    """Box2D's world; defaults are the assisted preset: many iterations a step, a margin of stops.
 
-    The default preset has the iterations that Box2D's manual suggests, and limits where the stops
-    are.
+def _has_stops(mechanism: Mechanism) -> bool:
+    return bool(mechanism.stops)
+
+
+class Box2DEngine(Box2DOptions, BuiltinEngine):
+    """Box2D's world of bodies, joints and limits.
+
+    By itself (:mod:`.alone`) the limit of every stop stays in its joint, and bodies are those of
+    the mechanism; point masses, which Box2D would never turn, have an inertia by mass moved along
+    their pins. With assistance (:mod:`.motion`) limits lie a little beyond their stops and go with
+    them, and every body has some inertia. With every preset springs, dampers and motors are forces
+    and torques that are given to the bodies before each step, as Box2D's own springs are soft
+    joints, which have a frequency and no stiffness.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -45,35 +55,52 @@ class Box2DEngine(BuiltinEngine):
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {
-        "velocity_iterations": 8,
-        "position_iterations": 3,
-        "set_back": 0.0,
+        **_ALONE,
+        # `Step` has no defaults: step and iterations of Box2D's first example, examples/hello.py.
+        "timestep": 1 / 60,
+        "velocity_iterations": 6,
+        "position_iterations": 2,
+        "allow_sleep": True,
     }
-
-    velocity_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=100, description="of the impulses of the joints, each step"
+    settings_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, "timestep": 2.5e-4}
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
+        Assistance(
+            Part.MODEL,
+            "sets limits a little beyond their stops",
+            "set_back",
+            off=0.0,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.EVENTS,
+            "takes the limits of stops that are open for good out of the model",
+            "keep_limits",
+            off=True,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.MODEL,
+            "moves mass along pins to bodies of little inertia",
+            "least_inertia",
+            off=None,
+            acts_on=spreads_masses,
+        ),
     )
-    position_iterations: Annotated[int, Field(ge=0, le=1_000_000)] = Field(
-        default=100, description="of the correction of the joints' drift, each step"
-    )
-    set_back: NonNegative = Field(
-        default=1e-3,
-        le=0.03,
-        description="by how much limits lie beyond the stops [rad]: Box2D tolerates up to 2 "
-        "degrees, and a limit is active only where the angle is not short of it by rounding",
-    )
-    least_inertia: LeastInertia = 1e-3
-
-    @property
-    def supplied(self) -> Supplied:
-        """Springs and motors are forces on the bodies, which Box2D's users apply themselves."""
-        return {Part.ELEMENTS: ""}
+    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
     def _run(self, problem: Problem) -> Recording:
+        if not self.assisted_by:
+            from .alone import run_alone
+
+            return run_alone(problem, self)
         from .motion import Motion
 
-        motion = Motion(problem, self)
-        return plain_run(problem, motion, self.name, self.timestep)
+        return plain_run(problem, Motion(problem, self), self.name, self.timestep)
+
+    def _script(self, problem: Problem) -> str:
+        from .alone import script
+
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Masses, inertias, anchors and gravity of the built world, and what follows from them."""

@@ -16,13 +16,13 @@ from trebucheck.models.elements import AnyJoint, FreeJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.reference.equations import Equations
 
-from .build import Built
+from .build import Built, Plan
 from .read import Reader
 
 
 def inspect(mechanism: Mechanism, states: Sequence[State]) -> Inspection:
     """Inspect the built world in each state, without masses moved along pins for the motion."""
-    built = Built(mechanism)
+    built = Built(Plan(mechanism))
     held = read_back(built)
     equations = Equations(held)
     start, start_speeds = Reader(built).state()

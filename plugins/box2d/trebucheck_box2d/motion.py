@@ -4,51 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
-from trebucheck.engines.point_masses import NoPointMasses
+from trebucheck.engines.point_masses import spread_masses
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import Observation
-from trebucheck_toolkit.joint_coordinates import Limit
+from trebucheck_toolkit.node_scene import lawful_stops
 from trebucheck_toolkit.plain_run import StepAhead
 from trebucheck_toolkit.schemes import State
 
-from .build import WIDE, Built
+from .build import Built, Plan
 from .loads import forces, torques
+from .options import Box2DOptions
 from .read import Reader
-
-
-class Options(Protocol):
-    """The engine's options; see there."""
-
-    timestep: float
-    velocity_iterations: int
-    position_iterations: int
-    set_back: float
-    least_inertia: float
 
 
 class Motion(StepAhead):
     """The world of a mechanism, stepped."""
 
-    def __init__(self, problem: Problem, options: Options) -> None:
+    def __init__(self, problem: Problem, options: Box2DOptions) -> None:
         self.mechanism, self.timestep, self.options = problem.mechanism, options.timestep, options
-        self.once = problem.stop_law is StopLaw.RELEASE_ONCE
-        stops = {
-            stop.name: stop for stop in problem.mechanism.stops if stop.closed or not self.once
-        }
-        self.spread = NoPointMasses(problem.mechanism, options.least_inertia)
-        self.built = Built(self.spread.mechanism)
+        self.once = problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits
+        self.spread = spread_masses(problem.mechanism, options.least_inertia, "box2d")
+        plan = Plan(
+            self.spread.mechanism,
+            lawful_stops(problem),
+            set_back=options.set_back,
+            allow_sleep=options.allow_sleep,
+        )
+        self.built = Built(plan)
         self.applied = AppliedForces(Kinematics(problem.mechanism))
-        self.limits = {
-            name: self.built.limit(stop, options.set_back) for name, stop in stops.items()
-        }
+        self.limits = plan.limits
         self.reader = Reader(self.built)
-        self._set_limits()
         self.step()
 
     def _show_and_step(self) -> tuple[State, Mapping[str, float], Observation]:
@@ -94,11 +84,11 @@ class Motion(StepAhead):
 
     def _set_limits(self) -> None:
         """Set the ranges of the joints; a limit that is gone leaves none."""
-        ranges = Limit.ranges(self.limits.values())
+        ranges = Plan.ranges(self.limits.values())
         for index, joint in enumerate(self.built.pins):
             limited = index in ranges
             if limited:
-                joint.SetLimits(*np.clip(ranges[index], -WIDE, WIDE).tolist())
+                joint.SetLimits(*ranges[index])
             if joint.limitEnabled != limited:
                 joint.limitEnabled = limited
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from trebucheck.engines.presets import ASSISTED, PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
     REFINEMENT,
+    SETTINGS_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -18,17 +19,47 @@ from trebucheck.engines.study import (
     Tolerance,
     time_step_cause,
 )
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    # As many in a second of motion at every step, so that a run ends.
+    many = min(10_000, round(1e7 * float(settings["timestep"])))
     return (
         Cause(
             "iterations",
             "sequential impulses end before the joints hold, or before their rounding settles",
-            Intervention({"velocity_iterations": 10_000, "position_iterations": 1000}),
+            Intervention({"velocity_iterations": many, "position_iterations": many // 10}),
+        ),
+        Cause(
+            "sleep",
+            "bodies that hardly move for half a second are stopped",
+            Intervention({"allow_sleep": False}),
+        ),
+        Cause(
+            "limits at the stops",
+            "a limit is active only where its angle is not short of it by rounding",
+            Intervention({"set_back": 1e-3}),
+        ),
+        Cause(
+            "limits that stay",
+            "a stop that is open for good is met again",
+            Intervention({"keep_limits": False}),
+        ),
+        Cause(
+            "little inertia",
+            "a body of little inertia takes large changes of speed from rounded impulses",
+            Intervention({"least_inertia": 1e-3}),
         ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
     )
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {"Box2D in Python": engine.script(Problem(mechanism, duration=duration))}
 
 
 _SCHEME = "semi-implicit Euler, impulses"
@@ -36,11 +67,9 @@ _REASON = "semi-implicit Euler in Cartesian coordinates, down to what single pre
 _TORQUE = "a step's change of speed in single precision, 1e3 times by the matrix of pin and limit"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={
-        ASSISTED: StepOrder(1.0, _REASON, _SCHEME),
-        DEFAULT: StepOrder(1.0, _REASON, _SCHEME),
-    },
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
+    step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
+    option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
+    snippets=_snippets,
     single_precision=lambda _: True,
     tolerances=(
         Tolerance(
@@ -59,12 +88,13 @@ STUDY = EngineStudy(
     title="Box2D",
     binding="the Python wheel `box2d`, in single precision",
     maintainers_note=MaintainersNote(
-        chosen="Iterations were raised until rounding is more than what they leave, and "
-        "limits lie a little beyond the stops, since rounding decides whether a limit that is "
-        "just met holds: {{ plain.agrees }} problems agree where nothing is set, "
-        "{{ best.agrees }} with that.",
-        not_possible="Limits have no restitution, and a stop on a point would be a shape with "
-        "a contact, which our adapter does not build.",
+        chosen="`Step` has no defaults, so step and iterations of `default` are those of Box2D's "
+        "first example; `settings` has shorter steps, down to where single precision rounds as "
+        "much as they leave out, more iterations and no sleep: {{ plain.agrees }} problems agree "
+        "where nothing is set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
+        not_possible="Limits have no restitution; springs are soft joints, which have a frequency "
+        "and no stiffness, so that the adapter gives springs as forces before each step; a stop "
+        "on a point would be a shape with a contact, which our adapter does not build.",
         would_change="A build in double precision ({{ best.order }}), or the present Box2D, "
         "whose solver is another one than that of {{ version }}.",
     ),

@@ -113,7 +113,7 @@ class PlanckEngine(BuiltinEngine):
             scene.description(problem, problem.duration / steps, steps) | self._settings()
         )
         samples = NodeSamples(scene, np.linspace(0.0, problem.duration, steps + 1), moved)
-        return recording(samples, spread, problem.stop_law)
+        return recording(samples, spread, problem)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Masses, inertias, anchors and gravity of the built world, and what follows from them."""

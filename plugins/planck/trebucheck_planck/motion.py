@@ -9,15 +9,15 @@ from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import FreeJoint
-from trebucheck.models.problem import StopLaw
+from trebucheck.models.problem import Problem
 from trebucheck_toolkit.node_samples import NodeSamples
-from trebucheck_toolkit.node_scene import MIRROR
+from trebucheck_toolkit.node_scene import MIRROR, lawful_stops
 
 
-def recording(samples: NodeSamples, spread: NoPointMasses, law: StopLaw) -> Recording:
+def recording(samples: NodeSamples, spread: NoPointMasses, problem: Problem) -> Recording:
     """Readings of a motion by bodies and planck.js, with original masses despite moved ones."""
     found, mechanism = samples.recording(), samples.scene.mechanism
-    built = samples.scene.stops(law)
+    built = lawful_stops(problem)
     torques = dict(
         zip([stop.name for stop in built], samples.told[:, -len(built) :].T, strict=False)
     )

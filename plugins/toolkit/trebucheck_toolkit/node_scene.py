@@ -51,6 +51,12 @@ def turned(angle: float | FloatArray, vector: FloatArray) -> FloatArray:
     return np.stack([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]], axis=-1)
 
 
+def lawful_stops(problem: Problem) -> list[AnyStop]:
+    """The stops that have a part in a problem: under release-once those that are closed."""
+    once = problem.stop_law is StopLaw.RELEASE_ONCE
+    return [stop for stop in problem.mechanism.stops if stop.closed or not once]
+
+
 class NodeScene:
     """A mechanism's scene.
 
@@ -79,19 +85,13 @@ class NodeScene:
         return {
             "bodies": self.bodies,
             "joints": self.joints,
-            "stops": [self._stop(stop) for stop in self.stops(problem.stop_law)],
+            "stops": [self._stop(stop) for stop in lawful_stops(problem)],
             "once": problem.stop_law is StopLaw.RELEASE_ONCE,
             "gravity": (np.array(self.mechanism.gravity_vector) * MIRROR).tolist(),
             "loads": [self._load(element) for element in self.mechanism.force_elements],
             "timestep": timestep,
             "steps": steps,
         }
-
-    def stops(self, law: StopLaw) -> list[AnyStop]:
-        """The stops that are built."""
-        return [
-            stop for stop in self.mechanism.stops if stop.closed or law is not StopLaw.RELEASE_ONCE
-        ]
 
     def offset(self, body: str, point: Vector) -> FloatArray:
         """Vector from a body's centre of mass to a point at the start; of the ground the point."""

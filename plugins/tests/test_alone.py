@@ -1,0 +1,125 @@
+"""Engines of the plug-ins by themselves: the presets `default` and `settings`, what helps beside.
+
+The same as `tests/agreement/test_presets.py` for the built-in ones. An engine has an environment of
+its own: where it is not installed, its cases are skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
+from trebucheck.engines.protocol import BuiltinEngine
+from trebucheck.engines.supplied import stated
+from trebucheck.models.library.registry import library_problem
+
+ALONE = (DEFAULT, SETTINGS)
+
+
+@dataclass(frozen=True)
+class Case:
+    """An engine, its own options, and problems: with stops, with a loop or slot, with springs."""
+
+    own: frozenset[str]
+    problems: tuple[str, ...]
+
+
+CASES: Mapping[str, Case] = {
+    "box2d": Case(
+        frozenset({"timestep", "velocity_iterations", "position_iterations", "allow_sleep"}),
+        ("fixed", "rolling", "slider-crank", "welded-rods", "motor", "spring-pendulum", "bead"),
+    ),
+}
+
+
+def _problem(name: str, duration: float) -> tb.Problem:
+    """A problem of the library, or a machine, for a short time."""
+    known = library_problem(name, None)
+    if known is None:
+        return tb.Problem(tb.model(name), duration=duration)
+    return known.model_copy(update={"duration": min(duration, known.duration)})
+
+
+def _engine(name: str, preset: str = ASSISTED, **options: Any) -> BuiltinEngine:
+    if name not in tb.engines():
+        pytest.skip(f"{name} is not installed")
+    made = tb.engine(name, preset, **options)
+    assert isinstance(made, BuiltinEngine)
+    return made
+
+
+EVERY = [(name, problem) for name, case in CASES.items() for problem in case.problems]
+
+
+@pytest.mark.parametrize("preset", ALONE)
+@pytest.mark.parametrize(("name", "problem"), EVERY)
+def test_a_program_of_the_engine_alone_has_the_same_motion(
+    name: str, problem: str, preset: str
+) -> None:
+    made, given = _engine(name, preset), _problem(problem, 0.4)
+    text = made.script(given)
+    assert "trebucheck" not in text
+    found: dict[str, Any] = {}
+    exec(text, found)
+    row = made.simulate(given)
+    for key in ("t", "q", "u"):
+        assert np.array_equal(found[key], getattr(row, key))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_option_is_the_engines_own_or_assistance(name: str) -> None:
+    cls = type(_engine(name))
+    assisting = {each.option for each in cls.assistance or ()}
+    assert assisting
+    assert {*CASES[name].own, *assisting} == set(cls.model_fields) - {"preset"}
+    assert not assisting & CASES[name].own
+
+
+@pytest.mark.parametrize("preset", ALONE)
+@pytest.mark.parametrize("name", CASES)
+def test_nothing_helps_an_engine_that_is_alone(name: str, preset: str) -> None:
+    made = _engine(name, preset)
+    assert made.assisted_by == () and made.supplied == type(made).readings
+    with pytest.raises(tb.InputError, match="takes part in the run"):
+        _engine(name).script(_problem(CASES[name].problems[0], 0.1))
+
+
+@pytest.mark.parametrize(("name", "problem"), EVERY)
+def test_what_changes_a_state_is_named_and_without_all_of_it_the_engine_is_alone(
+    name: str, problem: str
+) -> None:
+    given, assisted = _problem(problem, 0.1), _engine(name)
+    row, named = assisted.simulate(given), stated(assisted, given.mechanism)
+    assert named is not None
+    off: dict[str, Any] = dict(assisted.settings)
+    for each in assisted.assisted_by:
+        off |= each.options_without
+        without = _engine(name, **{**assisted.settings, **each.options_without}).simulate(given)
+        same = np.array_equal(without.t, row.t) and np.array_equal(without.q, row.q)
+        parts = {other.part for other in assisted.assisted_by if other.option == each.option}
+        assert same or parts & named.keys(), each.part
+    bare = _engine(name, **off)
+    assert bare.assisted_by == ()
+    found: dict[str, Any] = {}
+    exec(bare.script(given), found)
+    assert np.array_equal(found["q"], bare.simulate(given).q)
+
+
+@pytest.mark.parametrize(("name", "problem"), EVERY)
+def test_settings_are_no_worse_than_the_default(name: str, problem: str) -> None:
+    known = library_problem(problem, None)  # the squeezer takes 30 steps of 1 ms
+    given = _problem(problem, 1.0 if known is None else min(1.0, known.duration / 4))
+    solution = tb.solve(given)
+
+    def error(preset: str) -> float:
+        run = _engine(name, preset).simulate(given)
+        within = run.t <= given.duration
+        return float(np.abs(run.q[within] - np.asarray(solution.q(run.t[within]))).max())
+
+    # The reference is known to 1e-9 and better: below that there is nothing to compare.
+    assert error(SETTINGS) <= max(error(DEFAULT), 1e-9)

@@ -1,0 +1,113 @@
+"""Recordings of engines that step rigid bodies by themselves, in Cartesian coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from trebucheck.engines.point_masses import NoPointMasses
+from trebucheck.engines.protocol import Recording
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import FreeJoint, Stop
+from trebucheck.models.problem import Problem
+
+from .node_samples import NodeSamples
+from .node_scene import MIRROR, NodeScene
+
+
+@dataclass(frozen=True)
+class BodySteps:
+    """The states of a scene's bodies after each step of an engine, and what the steps took.
+
+    A step's forces are those at its beginning, where the engine computes them; those of the last
+    sample are those of the last step.
+
+    Args:
+        problem: what is moved.
+        scene: the bodies as they are read; only those of the mechanism are.
+        spread: the mechanism that the engine was given.
+        t: start and end of each step [s], shape (n + 1,).
+        states: centres of mass, clockwise angles from the world's axes, and their rates, with y
+            upwards, shape (n + 1, bodies, 6).
+        forces: of each joint that holds anything on its child, shape (n, joints, 2) [N]; None: the
+            engine tells none.
+        torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
+            the engine tells none.
+        slop: error of angles that the engine lets be [rad].
+    """
+
+    problem: Problem
+    scene: NodeScene
+    spread: NoPointMasses
+    t: FloatArray
+    states: FloatArray
+    forces: FloatArray | None = None
+    torques: Mapping[str, FloatArray] | None = None
+    slop: float = 0.0
+
+    def recording(self, q: FloatArray, u: FloatArray) -> Recording:
+        """A recording with the coordinates and speeds that the engine's program has read."""
+        found = self._samples.recording()
+        potential = found.potential_energy - self.spread.extra_potential_energy
+        found = replace(found, q=q, u=u, potential_energy=potential)
+        if self.forces is not None:
+            found = replace(found, joint_reactions=self._reactions(self.forces))
+        if self.torques is None:
+            return found
+        stops = self.problem.mechanism.stops
+        none = np.zeros(len(self.t) - 1)
+        torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}
+        return replace(
+            found,
+            stop_torques={name: _last_repeated(torque) for name, torque in torques.items()},
+            release_times={
+                stop.name: self._release(stop, torques[stop.name])
+                if stop.closed and isinstance(stop, Stop)
+                else None
+                for stop in stops
+            },
+        )
+
+    def _release(self, stop: Stop, torque: FloatArray) -> float | None:
+        """End of the last step in which a closed stop pushes before it is open [s]; None: never.
+
+        A limit that holds a joint from one side pauses where rounding or the correction of other
+        joints leaves the angle short of it. It has opened where its gap is more than the engine's
+        slop, or at the end after the longest of its pauses.
+        """
+        opened = np.flatnonzero(self._samples.gap(stop) > self.slop)
+        end = int(opened[0]) if len(opened) else len(torque)
+        pushing = np.flatnonzero(torque[:end] > 0.0)
+        if not len(pushing):
+            return 0.0
+        *pauses, last = np.diff(np.append(pushing, end)).tolist()
+        ended = len(opened) or last > max(pauses, default=1)
+        return float(self.t[pushing[-1] + 1]) if ended else None
+
+    @property
+    def _samples(self) -> NodeSamples:
+        """The states in the scene's axes: mirrored, with angles from the start."""
+        names = [body.name for body in self.scene.mechanism.bodies]
+        starts = np.array([self.scene.angles[name] for name in names])
+        mirrored = self.states[:, : len(names)] * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
+        mirrored[..., 2] -= starts
+        return NodeSamples(self.scene, self.t, mirrored.reshape(len(self.t), -1))
+
+    def _reactions(self, forces: FloatArray) -> dict[str, FloatArray]:
+        """Force of each joint on its child with the masses of the mechanism [N]."""
+        holding = [
+            joint for joint in self.scene.mechanism.joints if not isinstance(joint, FreeJoint)
+        ]
+        reactions: dict[str, FloatArray] = {}
+        for index, joint in enumerate(holding):
+            _, velocity = self._samples.point(joint.child, joint.child_point)
+            acceleration = np.diff(velocity * MIRROR, axis=0) / np.diff(self.t)[:, None]
+            reactions[joint.name] = _last_repeated(
+                self.spread.reaction(joint.name, forces[:, index], acceleration)
+            )
+        return reactions
+
+
+def _last_repeated(of_steps: FloatArray) -> FloatArray:
+    return np.concatenate([of_steps, of_steps[-1:]])
