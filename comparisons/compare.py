@@ -63,6 +63,7 @@ HOLDS = 1e-3
 _SHORTER, _LONGER = (0.5, 0.25, 0.125), (2.0, 4.0, 8.0, 16.0, 32.0)  # steps of a sweep
 _LOST = 0.1  # position error in parts of the way beyond which longer steps tell nothing
 _LONGEST_STEP = 0.05  # of the compared time
+_LONG = 5.0  # [s] a run at half the step of one that took longer is not made
 _TIMED = 3  # repeats, fewer where runs are long
 
 
@@ -157,7 +158,7 @@ class MachineRuns:
         if step is None:
             return []
         runs, points = EngineRuns(self.runner, self.store, curves=False), list[WorkPoint]()
-        way = self.machine.scales.way
+        way, took = self.machine.scales.way, [0.0]
 
         def measured(factor: float) -> float:
             """Position error at this part of the step, in parts of the way; infinite if none."""
@@ -165,11 +166,12 @@ class MachineRuns:
             record = runs.record(make_engine(made.name, made.preset, **options), _TIMED)
             if record.ran:
                 points.append(record.work)
+                took.append(record.wall_times[0])
             return math.inf if record.position is None else record.position / way
 
         error = measured(1.0)
         for factor in _SHORTER if error > HOLDS else ():
-            if measured(factor) <= HOLDS:
+            if took[-1] > _LONG or measured(factor) <= HOLDS:
                 break
         for factor in _LONGER:
             if factor * step > longest or measured(factor) > _LOST:

@@ -187,6 +187,9 @@ class MachineStudies(ComparedMotion):
         description="of the reference [m, N m or N], of what it has"
     )
     uncertainty_source: str
+    way: Real | None = optional(
+        None, "longest way of any point, by which position errors are judged [m]; null: not kept"
+    )
     units: dict[str, str] = optional({}, "of the errors at time steps, by metric")
     studies: tuple[SweepStudy, ...]
     limits: tuple[RichardsonLimit, ...]
@@ -901,6 +904,7 @@ def _machine(
         **runs.compared_motion,
         uncertainty=uncertainty,
         uncertainty_source=runs.runner.uncertainties.source,
+        way=runs.runner.scales.way,
         units={name: unit for sweep in sweeps for name, unit in sweep.units.items()},
         studies=tuple(sweep.study for sweep in sweeps),
         limits=tuple(limits.values()),

@@ -29,7 +29,7 @@ from ..models.features import features_of
 from ..models.library.registry import find_benchmark, model_of
 from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Real, Spec
-from .compare import format_of, read_results
+from .compare import HOLDS, format_of, read_results
 from .converge import FORMAT as CONVERGE
 from .converge import Studies
 from .runs.quantities import QUANTITIES, MetricKind, parse_label
@@ -43,6 +43,7 @@ from .runs.results import (
     ResultFile,
     Results,
     Run,
+    WorkPoint,
     optional,
     share_of,
     verdict_on,
@@ -271,6 +272,33 @@ class DynamicsCheck(OfEngine, Spec):
     checks: tuple[Check, ...]
 
 
+class StepCost(Spec):
+    """Cost and position error at one time step."""
+
+    timestep: Positive = Field(description="[s]")
+    steps: Annotated[int, Field(ge=0)]
+    cost: Real = Field(description="processor time without our reading, median [s]")
+    part: Real = Field(description="largest position error, of the longest way of a point")
+
+
+class CostSweep(OfEngine, Spec):
+    """An engine and preset on a problem at several time steps."""
+
+    problem: str
+    engine: str
+    preset: str
+    engine_version: str
+    points: tuple[StepCost, ...]
+    processor: str | None = optional(None, "that they were measured on")
+    date: str = optional("", "of the file of runs, YYYY-MM-DD")
+
+    @property
+    def cheapest(self) -> StepCost | None:
+        """The cheapest of its steps that hold `HOLDS`, of equal ones the longest; None: none."""
+        holding = (point for point in self.points if point.part <= HOLDS)
+        return min(holding, key=lambda point: (point.cost, -point.timestep), default=None)
+
+
 class Matrix(ResultFile):
     """Runs of several comparisons side by side; the reference's own are left out."""
 
@@ -279,6 +307,7 @@ class Matrix(ResultFile):
     runs: tuple[MatrixRun, ...]
     orders: tuple[MeasuredOrder, ...] = ()
     dynamics: tuple[DynamicsCheck, ...] = optional((), "of engines that trebucheck's steps move")
+    sweeps: tuple[CostSweep, ...] = optional((), "of time steps, where they were measured")
 
     @cached_property
     def presets(self) -> tuple[str, ...]:
@@ -288,6 +317,19 @@ class Matrix(ResultFile):
     def run(self, label: str, problem: str) -> MatrixRun | None:
         """The run of an engine and preset on a problem; None if it was not made."""
         return next((run for run in self.of(label) if run.problem == problem), None)
+
+    def cheapest(self, engine: str, problem: str) -> tuple[CostSweep, StepCost] | None:
+        """Preset and step of an engine that hold `HOLDS` of the position at the least cost.
+
+        None: nothing was measured, or no step holds it.
+        """
+        found = [
+            (sweep, point)
+            for sweep in self.sweeps
+            if (sweep.engine, sweep.problem) == (engine, problem)
+            and (point := sweep.cheapest) is not None
+        ]
+        return min(found, key=lambda pair: (pair[1].cost, -pair[1].timestep), default=None)
 
     def schemes(self) -> dict[str, list[str]]:
         """Engines with their presets by scheme, alphabetically; those without one last."""
@@ -359,7 +401,20 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
         (problem for _, problem in problems.values()),
         key=lambda problem: (classes.index(problem.group), problem.number, problem.name),
     )
-    return Matrix.made_here(problems=tuple(ordered), runs=runs, orders=orders, dynamics=checks)
+    sweeps = tuple(_longest(sweep for _, part in parts for sweep in part.sweeps))
+    return Matrix.made_here(
+        problems=tuple(ordered), runs=runs, orders=orders, dynamics=checks, sweeps=sweeps
+    )
+
+
+def _longest(sweeps: Iterable[CostSweep]) -> Iterable[CostSweep]:
+    """Sweeps, the one with most steps of each run: `compare` and `converge` may both have one."""
+    kept: dict[tuple[str, str], CostSweep] = {}
+    for sweep in sweeps:
+        known = kept.setdefault((sweep.label, sweep.problem), sweep)
+        if len(sweep.points) > len(known.points):
+            kept[sweep.label, sweep.problem] = sweep
+    return kept.values()
 
 
 def _once(what: str, parts: Iterable[tuple[Path, _Part]]) -> tuple[_Part, ...]:
@@ -391,7 +446,9 @@ def _read(path: Path) -> Matrix:
     if stated == FORMAT:
         return Matrix.load(path)
     if stated == CONVERGE:
-        return Matrix.made_here(problems=(), runs=(), orders=tuple(orders_of(Studies.load(path))))
+        studies = Studies.load(path)
+        orders, sweeps = tuple(orders_of(studies)), tuple(sweeps_of(studies))
+        return Matrix.made_here(problems=(), runs=(), orders=orders, sweeps=sweeps)
     date = datetime.fromtimestamp(path.stat().st_mtime, UTC).date().isoformat()
     return distilled(read_results(path), date)
 
@@ -411,6 +468,33 @@ def orders_of(studies: Studies) -> Iterator[MeasuredOrder]:
                 half_width=None if law is None else law.half_width,
                 floor=None if floor is None else floor.error,
                 floor_cause="" if floor is None else floor.cause,
+            )
+
+
+def sweeps_of(studies: Studies) -> Iterator[CostSweep]:
+    """Sweeps of the time step with what each point costs."""
+    for machine in studies.machines:
+        for study in machine.studies:
+            points = [point.work for point in study.points if point.work is not None]
+            costs = tuple(_step_costs(points, machine.way))
+            if costs:
+                yield CostSweep(
+                    problem=machine.model,
+                    engine=study.engine,
+                    preset=study.preset,
+                    engine_version=study.engine_version,
+                    points=costs,
+                    processor=studies.processor,
+                )
+
+
+def _step_costs(points: Iterable[WorkPoint], way: float | None) -> Iterator[StepCost]:
+    """Points whose cost and position error are known; none without the way that is its scale."""
+    for point in points:
+        error = point.errors.get(POSITION)
+        if way is not None and error is not None and point.cost is not None:
+            yield StepCost(
+                timestep=point.timestep, steps=point.steps, cost=point.cost, part=error / way
             )
 
 
@@ -450,7 +534,25 @@ def distilled(results: Results, date: str) -> Matrix:
                 checks=run.equality.checks,
             )
             dynamics.append(check)
-    return Matrix.made_here(problems=tuple(problems), runs=tuple(runs), dynamics=tuple(dynamics))
+    sweeps: list[CostSweep] = []
+    for run in results.runs:
+        if run.engine != REFERENCE and run.sweep and run.model in machines:
+            sweep = CostSweep(
+                problem=run.model,
+                engine=run.engine,
+                preset=run.preset,
+                engine_version=run.engine_version,
+                points=tuple(_step_costs(run.sweep, machines[run.model].scales.way)),
+                processor=results.processor,
+                date=date,
+            )
+            sweeps.append(sweep)
+    return Matrix.made_here(
+        problems=tuple(problems),
+        runs=tuple(runs),
+        dynamics=tuple(dynamics),
+        sweeps=tuple(sweeps),
+    )
 
 
 def _end_asked_for(machine: Machine) -> float | None:

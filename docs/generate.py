@@ -245,7 +245,7 @@ def write_results() -> None:
     today = datetime.now(UTC).date().isoformat()
     folder = ROOT / "docs" / "results"
     for name in _STEPS:
-        found = distilled(tb.compare(models, [name]).results, today)
+        found = distilled(tb.compare(models, [name], sweep=True).results, today)
         swept = tb.converge("fixed", [name], knobs=["timestep"])
         found = found.model_copy(update={"orders": tuple(orders_of(swept))})
         (folder / f"{name}.json").write_text(found.to_json() + "\n")

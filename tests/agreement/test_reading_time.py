@@ -2,6 +2,7 @@
 
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.matrix import distilled
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
 
@@ -28,3 +29,6 @@ def test_a_sweep_has_the_step_of_the_run_and_longer_ones_with_larger_errors() ->
     assert all(point.cost and point.reading_time for point in run.sweep)
     again = type(found.results).model_validate_json(found.results.to_json())
     assert again.runs[0].sweep == run.sweep
+    (kept,) = distilled(again, "2026-01-02").sweeps
+    assert [point.timestep for point in kept.points] == steps
+    assert 1.0 > kept.points[0].part > kept.points[-1].part > 0.0

@@ -24,12 +24,14 @@ from trebucheck.comparisons.converge import (
 )
 from trebucheck.comparisons.matrix import (
     Breach,
+    CostSweep,
     Error,
     Matrix,
     MatrixProblem,
     MatrixRun,
     MeasuredOrder,
     ProblemClass,
+    StepCost,
     command_of,
     distilled,
     matrix,
@@ -247,6 +249,63 @@ def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None
     told = {name: dict(row.card.facts)["order"] for name, row in rows.items()}
     assert "measured" in told["a"] and "0.03" in told["a"] and "declared" in told["b"]
     assert "3.0e-4 m" in told["e"] and "stops" in told["e"]
+
+
+def _costs(
+    engine: str, preset: str, *points: tuple[float, float, float], **given: Any
+) -> CostSweep:
+    """CostSweep of points (time step [s], cost [s], error in parts of the way)."""
+    costs = [
+        StepCost(timestep=step, steps=round(2 / step), cost=cost, part=part)
+        for step, cost, part in points
+    ]
+    fields = {"problem": "swing", "engine_version": "1.5", "processor": "fast, 8 cores"}
+    return CostSweep(engine=engine, preset=preset, points=tuple(costs), **(fields | given))
+
+
+_SWEEPS = (
+    _costs("a", "default", (4e-3, 1e-4, 2e-3), (2e-3, 2e-4, 1.1e-3)),
+    _costs("a", "assisted", (8e-3, 3e-4, 0.9e-3), (4e-3, 3e-4, 2e-4), (2e-3, 9e-4, 1e-5)),
+    _costs("b", "assisted", (8e-3, 1e-4, 0.1)),
+)
+
+
+def test_the_cheapest_step_that_holds_a_thousandth_is_found_over_all_presets() -> None:
+    runs = _run("a", 1e-9, preset="default"), _run("a", 1e-9), _run("b", 1.0), _run("c", 1.0)
+    found = _matrix(*runs, sweeps=_SWEEPS)
+    cheapest = found.cheapest("a", "swing")
+    assert cheapest is not None
+    assert (cheapest[0].preset, cheapest[1].timestep) == ("assisted", 8e-3)  # the longer of equals
+    assert found.cheapest("b", "swing") is None and found.cheapest("c", "swing") is None
+    rows = {(row.engine, row.preset): row for row in _grid(found).rows}
+    shown = {key: row.leading[1] for key, row in rows.items()}
+    assert shown[("a", "default")] == "0/1" and shown[("a", "assisted")] == "1/1"
+    assert shown[("b", "assisted")] == "0/1" and shown[("c", "assisted")] == "–"
+    told = dict(rows["c", "assisted"].card.facts)["cheapest that holds 1e-3"]
+    assert told == "not measured"
+    text = markdown.text(document(found))
+    assert "assisted, 8e-3 s" in text and "fast, 8 cores" in text and "a 1.5" in text
+
+
+def test_files_without_costs_say_that_they_were_not_measured(tmp_path: Path) -> None:
+    old = _matrix(_run("a", 1e-9))
+    assert "sweeps" not in old.model_dump(mode="json") and "sweeps" not in old.to_json()
+    file = tmp_path / "old.json"
+    file.write_text(old.to_json())
+    read = matrix([file])
+    assert read.sweeps == () and [row.leading[1] for row in _grid(read).rows] == ["–"]
+    assert "Cheapest that holds 1e-3: not measured" in markdown.text(document(read))
+    page = engine_document(read, "a", EngineStudy(), "Dispute it.")
+    assert "not measured" in markdown.text(page)
+
+
+def test_of_two_sweeps_of_a_run_the_one_with_most_steps_is_kept(tmp_path: Path) -> None:
+    short = _costs("a", "assisted", (8e-3, 1e-4, 0.1))
+    files = [tmp_path / "runs.json", tmp_path / "orders.json"]
+    files[0].write_text(_matrix(_run("a", 1e-9), sweeps=(short,)).to_json())
+    files[1].write_text(_matrix(problems=(), sweeps=_SWEEPS[1:2]).to_json())
+    for given in (files, files[::-1]):
+        assert matrix(given).sweeps == _SWEEPS[1:2]
 
 
 def test_ratios_within_a_scheme_and_between_schemes_are_of_different_engines_at_equal_steps() -> (

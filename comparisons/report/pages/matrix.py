@@ -16,12 +16,15 @@ from ....engines.study import EngineStudy
 from ....engines.supplied import Own, parts
 from ....models.errors import InputError
 from ....models.library.registry import find_benchmark
+from ...compare import HOLDS
 from ...matrix import (
     FLOOR,
+    CostSweep,
     Error,
     Matrix,
     MatrixProblem,
     MatrixRun,
+    StepCost,
     command_of,
     preset_rank,
     sentence,
@@ -56,6 +59,7 @@ STATES: Mapping[Outcome, doc.VerdictSign] = {
 _NOT_RUN = "·"
 _NO_ORDER = "–"
 _NOT_KEPT = "not kept in this file"
+_NOT_MEASURED, _NOT_MEASURED_SHORT = "not measured", "–"
 _ABSENT = "(not among these results)"
 _UNSTATED = "not stated"
 _SCHEME_UNSTATED = "scheme not stated"
@@ -101,6 +105,7 @@ def document(matrix: Matrix, links: Mapping[str, str] | None = None) -> doc.Docu
         ("Scheme or implementation", (rounding, doc.Listing(tuple(explained)))),
         ("What our adapters do not build, and what did not end", tuple(_missing(matrix))),
         ("Causes", tuple(_causes(matrix))),
+        (_CHEAPEST, tuple(_cheapest(matrix))),
         ("Problems and versions", tuple(_provenance(matrix))),
     ):
         shown = [part for part in parts_of_page if not isinstance(part, doc.Note)]
@@ -218,9 +223,10 @@ class _Grid:
             presets=self.matrix.presets,
             rows=(*rows, *apart),
             columns=tuple(map(_column, self.matrix.problems)),
-            leading=("order", "agrees"),  # the script counts the last one's shown columns
+            # The script counts the last one's shown columns.
+            leading=("order", "cheapest 1e-3", "agrees"),
             shares=tuple(_SHARES),
-            legend=f"{_meanings(self.matrix)}{_READING} {_OWN}",
+            legend=f"{_meanings(self.matrix)}{_READING} {_OWN} {_CHEAPEST_READING}",
             apart=_APART,
             compact=tuple(self.compact()),
         )
@@ -239,6 +245,7 @@ class _Grid:
             ("scheme", scheme),
             *((("preset", MEANINGS[first.preset]),) if first.preset in MEANINGS else ()),
             ("order", f"{order}, {basis}"),
+            *_cheapest_of(self.matrix, label),
             ("agrees", f"on {agreeing.replace('/', ' of ')} problems"),
             ("trebucheck supplies", _supplied(made)),
             *_cost(made),
@@ -250,7 +257,7 @@ class _Grid:
             preset=first.preset,
             group=scheme,
             cells=tuple(cells),
-            leading=(order, agreeing),
+            leading=(order, _times_cheapest(self.matrix, label), agreeing),
             card=doc.Card(label, facts=facts, link=(self.links or {}).get(first.engine, "")),
             apart=all(run.is_dynamics for run in made),
         )
@@ -532,6 +539,77 @@ def _heat(run: MatrixRun) -> float:
     return min(1.0, math.log10(max(_ratio(run), 1.0)) / _HEAT)
 
 
+_CHEAPEST = f"Cheapest that holds {HOLDS:.0e}".replace("e-0", "e-")
+
+
+_CHEAPEST_READING = (
+    "Cheapest 1e-3: on how many problems the preset is its engine's cheapest that keeps every "
+    "point within a thousandth of the longest way that a point goes, of those on which costs were "
+    f"measured; {_NOT_MEASURED_SHORT}: {_NOT_MEASURED}."
+)
+
+
+def _time(seconds: float) -> str:
+    return f"{1e3 * seconds:.2g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
+
+
+def _times_cheapest(matrix: Matrix, label: str) -> str:
+    """Number of problems on which a preset is its engine's cheapest, of those measured."""
+    swept = [sweep for sweep in matrix.sweeps if sweep.label == label]
+    if not swept:
+        return _NOT_MEASURED_SHORT
+    return f"{len([*_wins(matrix, label)])}/{len(swept)}"
+
+
+def _wins(matrix: Matrix, label: str) -> Iterator[tuple[CostSweep, StepCost]]:
+    """Sweeps of a preset with the step that is its engine's cheapest."""
+    for sweep in matrix.sweeps:
+        if sweep.label == label:
+            cheapest = matrix.cheapest(sweep.engine, sweep.problem)
+            if cheapest is not None and cheapest[0] is sweep:
+                yield cheapest
+
+
+def _cheapest_of(matrix: Matrix, label: str) -> Iterator[tuple[str, str]]:
+    """Problems on which a preset is its engine's cheapest, with step and cost."""
+    texts = [
+        f"{sweep.problem} at {format_step(point.timestep)} s, {_time(point.cost)}"
+        for sweep, point in _wins(matrix, label)
+    ]
+    measured = any(sweep.label == label for sweep in matrix.sweeps)
+    yield _CHEAPEST.lower(), "; ".join(texts) or ("on no problem" if measured else _NOT_MEASURED)
+
+
+def _cheapest(matrix: Matrix) -> Iterator[doc.Block]:
+    """Preset, step and cost of each engine that hold a thousandth of the way, by problem."""
+    if not matrix.sweeps:
+        yield doc.Text(f"{_CHEAPEST}: {_NOT_MEASURED}.")
+        return
+    engines = sorted({run.engine for run in matrix.runs})
+    swept = {(sweep.engine, sweep.problem) for sweep in matrix.sweeps}
+    rows: list[tuple[str, ...]] = []
+    for problem in matrix.problems:
+        cells: list[str] = []
+        for engine in engines:
+            found, text = matrix.cheapest(engine, problem.name), "none of the steps"
+            if found is not None:
+                sweep, point = found
+                text = f"{sweep.preset}, {format_step(point.timestep)} s: {_time(point.cost)}"
+            elif (engine, problem.name) not in swept:
+                text = _NOT_MEASURED
+            cells.append(text)
+        if any(text != _NOT_MEASURED for text in cells):
+            rows.append((problem.name, *cells))
+    made = {f"{sweep.engine} {sweep.engine_version}" for sweep in matrix.sweeps}
+    on = {sweep.processor or "a processor that is not kept in the file" for sweep in matrix.sweeps}
+    yield doc.Note(
+        "Preset, step and processor time of the run that keeps every point within a thousandth of "
+        "the longest way that a point goes, at the least cost of all steps that were tried; our "
+        f"reading is taken out where it is told apart. {_joined(made)}; on {_joined(on)}."
+    )
+    yield doc.table((doc.words("problem", wrap=False), *engines), rows, _CHEAPEST)
+
+
 def _order(matrix: Matrix, label: str) -> tuple[str, str]:
     """Order of an engine's error in the step, and where it comes from."""
     orders = [order for order in matrix.orders if order.label == label]
@@ -679,7 +757,10 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
     made = f"trebucheck {_joined(run.made_by for run in runs)}, {_joined(r.date for r in runs)}"
     blocks: list[doc.Block] = [
         doc.Text(f"{title} {version}{binding}. Runs by {made}."),
-        doc.table("preset | scheme | order | agrees | own | cost | verdicts", map(_short, sides)),
+        doc.table(
+            f"preset | scheme | order | agrees | own | cost | {_CHEAPEST.lower()} | verdicts",
+            map(_short, sides),
+        ),
         doc.Heading("What was set, and what would change it", 2),
         *_note(study, sides, version),
         doc.Heading("By problem", 2),
@@ -773,7 +854,8 @@ def _short(side: _Side) -> tuple[object, ...]:
     least = max(own, key=[*_SHARES].index, default="")
     scheme = runs[0].scheme or _SCHEME_UNSTATED
     cost = dict(_cost(runs)).get("cost", "")
-    return side.preset, scheme, side.order, side.agrees, least, cost, _counts(runs)
+    ((_, cheapest),) = _cheapest_of(side.matrix, runs[0].label)
+    return side.preset, scheme, side.order, side.agrees, least, cost, cheapest, _counts(runs)
 
 
 def _note(study: EngineStudy, sides: list[_Side], version: str) -> Iterator[doc.Block]:
