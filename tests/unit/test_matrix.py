@@ -254,7 +254,7 @@ def test_a_measured_order_is_shown_and_a_declared_one_is_said_to_be_so() -> None
 def _costs(
     engine: str, preset: str, *points: tuple[float, float, float], **given: Any
 ) -> CostSweep:
-    """CostSweep of points (time step [s], cost [s], error in parts of the way)."""
+    """A sweep of points (time step [s], cost [s], error in parts of the way)."""
     costs = [
         StepCost(timestep=step, steps=round(2 / step), cost=cost, part=part)
         for step, cost, part in points
