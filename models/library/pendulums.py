@@ -147,6 +147,43 @@ class DoublePendulumParameters(ChainParameters):
     )
 
 
+class PlanarChainParameters(ChainParameters):
+    """The planar chain on which Erez, Tassa and Todorov measured consistency and energy drift.
+
+    They compare engines with themselves at a short step, over step and speed; here the truth is
+    known. The number of links, their lengths and masses and the start are ours: the numbers of
+    their model were not at hand.
+    """
+
+    number = "B05"
+    name = "planar-chain"
+    tags = ("tree", "chaotic", "scalable")
+    text = "planar chain of N uniform links, let go folded, for consistency and energy over the step"
+    source = (
+        "T. Erez, Y. Tassa, E. Todorov, Simulation tools for model-based robotics (ICRA 2015), "
+        "their kind of test; numbers of links, lengths, masses and start are trebucheck's own; "
+        "energy is conserved"
+    )
+
+    length: Positive = Field(default=0.5, description="of each rod [m]")
+    fold: Real = Field(
+        default=0.5,
+        gt=-math.pi,
+        lt=math.pi,
+        description="start angle of every other rod, from the first one's clockwise [rad]",
+    )
+
+    @property
+    def duration(self) -> float:
+        """Time before it cannot be predicted any more, with the default parameters [s]."""
+        return round(7.0 * math.sqrt(self.N * self.length / self.g), 2)
+
+    def mechanism(self) -> Mechanism:
+        links = rods(self.N, self.length, self.mass)
+        start = (self.start + (i % 2) * self.fold for i in range(self.N))
+        return pin_links(self.name, links, self.length, self.g, tuple(start))
+
+
 class HangingChainParameters(BenchmarkParameters):
     """Equal point masses on equal massless links, let go in their slowest small oscillation."""
 
@@ -242,4 +279,5 @@ PENDULUMS = (
     DoublePendulumParameters,
     ChainParameters,
     HangingChainParameters,
+    PlanarChainParameters,
 )

@@ -39,6 +39,7 @@ _SOLVED = [entry.name for entry in benchmarks() if entry.name not in _LONG]
 OTHERS = [
     ("pendulum", {"length": 0.3, "g": 1.62, "amplitude": 2.9}),
     ("chain", {"N": 3, "length": 2.0, "g": 3.7}),
+    ("planar-chain", {"N": 3, "length": 0.1, "fold": -2.0}),
     ("hanging-chain", {"N": 12, "length": 0.05, "amplitude": 2e-4}),
     ("n-four-bar", {"N": 2, "length": 0.7, "speed": 2.0}),
     ("slider-crank", {"crank": 0.05, "rod": 0.17, "m_slider": 0.4, "speed": 90.0}),
