@@ -158,7 +158,7 @@ class PlanarChainParameters(ChainParameters):
     number = "B05"
     name = "planar-chain"
     tags = ("tree", "chaotic", "scalable")
-    text = "planar chain of N uniform links, let go folded, for consistency and energy over the step"
+    text = "planar chain of N uniform links, let go folded, for energy and consistency by step"
     source = (
         "T. Erez, Y. Tassa, E. Todorov, Simulation tools for model-based robotics (ICRA 2015), "
         "their kind of test; numbers of links, lengths, masses and start are trebucheck's own; "
