@@ -36,6 +36,7 @@ from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
 from trebucheck.comparisons.report.pages import compare as figures
+from trebucheck.comparisons.report.pages import work
 from trebucheck.comparisons.report.pages.compare import differences
 from trebucheck.comparisons.report.pages.matrix import engine_document, summary
 from trebucheck.comparisons.report.pages.problems import library
@@ -206,6 +207,21 @@ def write_agreement() -> None:
         )
     )
     write_picture(picture(distance_plots(comparison)), ROOT / "docs" / "pictures" / "distance.svg")
+
+
+def write_work() -> None:
+    """Write the README's diagram of work and precision: runs of this computer, at many steps."""
+    results = tb.compare("fixed", sweep=True, diagnose=False).results
+    lines = work.lines_of(results.runs)
+    drawn = picture(work.panels(lines, {"position_max": "m"}, only="position_max"), columns=2)
+    write_picture(drawn, ROOT / "docs" / "pictures" / "work.svg")
+    text = (
+        "![Error of the projectile against processor time and against steps, for each engine and "
+        f"preset](docs/pictures/work.svg)\n\n{work.caption(lines, results.machine_text)} "
+        "`trebucheck compare --sweep` draws it for every quantity, on your computer.\n"
+    )
+    readme = ROOT / "README.md"
+    readme.write_text(markdown.with_block(readme.read_text(), "work", text))
 
 
 _MOTION = ["animate", "fixed", "--engines", "pymunk", "--preset", "settings", "--width", "560"]
@@ -397,6 +413,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "trajectories": write_trajectories,
     "mjcf": write_mjcf,
     "agreement": write_agreement,
+    "work": write_work,
     "motion": write_motion,
     "readme": write_readme,
     "tutorial": lambda: refresh_page(ROOT / "docs" / "tutorial.md"),

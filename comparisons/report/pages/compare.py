@@ -26,14 +26,12 @@ from ...runs.balance import sampled_balance
 from ...runs.metrics import LEAST_START
 from ...runs.results import COMPARED, FAILURES, Machine, Metric, Outcome, Pair, Results, Run
 from ...runs.study import REFERENCE as REFERENCE_ENGINE
-from ...runs.work import work_of
 from .. import document as doc
 from .. import plots
 from ..document import format_number, format_settings, format_step, sentence
 from ..drawing.scene import Scene
 from ..plots import Axis, Panels, Plot, Rule, Series
 from . import tables, work
-from .work import WorkLine
 
 _QUESTION = "How far can you trust a multibody engine, and why does it differ?"
 _INTRODUCTION = (
@@ -415,18 +413,9 @@ def _energy_drift(solution: Solution, runs: Sequence[Line], rules: tuple[Rule, .
     return (Plot(_TIME, axis, tuple(series), height=250, rules=rules),)
 
 
-def _work_lines(runs: Iterable[Run]) -> list[WorkLine]:
-    """Cost and errors of a machine's runs at the time steps that are known."""
-    return [
-        WorkLine(run.engine, run.preset, run.engine_version, points)
-        for run in runs
-        if (points := work_of(run)) and run.engine != REFERENCE_ENGINE
-    ]
-
-
 def _work_precision(results: Results) -> Iterator[doc.Figure]:
     """Errors of every run against its cost and its steps: plots of each machine."""
-    of_machines = {m.model: _work_lines(_runs(results, m)) for m in results.machines}
+    of_machines = {m.model: work.lines_of(_runs(results, m)) for m in results.machines}
     every = [line for lines in of_machines.values() for line in lines]
     if not every:
         return

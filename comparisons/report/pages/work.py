@@ -6,13 +6,14 @@ SciML's benchmarks: both axes are logarithmic, and each point is a run with anot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...runs.quantities import QUANTITIES
-from ...runs.results import OfEngine, WorkPoint
+from ...runs.results import REFERENCE, OfEngine, Run, WorkPoint
+from ...runs.work import work_of
 from .. import document as doc
 from ..document import format_step
 from ..plots import Axis, Panels, Plot, Series, run_style
@@ -30,6 +31,15 @@ class WorkLine(OfEngine):
     preset: str
     version: str
     runs: tuple[WorkPoint, ...]
+
+
+def lines_of(runs: Iterable[Run]) -> list[WorkLine]:
+    """Cost and errors of runs at the time steps that are known; not of the reference's own."""
+    return [
+        WorkLine(run.engine, run.preset, run.engine_version, points)
+        for run in runs
+        if (points := work_of(run)) and run.engine != REFERENCE
+    ]
 
 
 def _hint(run: WorkPoint) -> str:
