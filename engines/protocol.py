@@ -321,7 +321,7 @@ class BuiltinEngine(EngineOptions, ABC):
         """
         self._refuse_what_cannot_run(problem)
         if self.supplied is None or self.assisted_by:
-            does = "; ".join(each.does for each in self.assisted_by) or "not stated"
+            does = "; ".join(each.does or each.part for each in self.assisted_by) or "not stated"
             raise InputError(
                 f"{self.name} has no program of its own with these options, as trebucheck takes "
                 f"part in the run: {does}. The presets {DEFAULT!r} and {SETTINGS!r} have one."

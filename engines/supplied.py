@@ -91,6 +91,23 @@ class Assistance:
         return {self.option: self.off, **self.depending}
 
 
+_CONCERNED: Mapping[Part, Callable[[Mechanism], bool]] = {
+    Part.STOPS: lambda mechanism: bool(mechanism.stops),
+    Part.EVENTS: lambda mechanism: bool(mechanism.stops),
+    Part.IMPACTS: lambda mechanism: bool(mechanism.stops),
+    Part.LOOPS: lambda mechanism: bool(mechanism.loop_joints),
+    Part.ELEMENTS: lambda mechanism: bool(mechanism.force_elements),
+}
+
+
+def all_by(option: str, off: JsonValue, supplied: Supplied) -> tuple[Assistance, ...]:
+    """Assistance by which an adapter does all of these parts, and one option switches all off."""
+    return tuple(
+        Assistance(part, does, option, off, acts_on=_CONCERNED.get(part, lambda _: True))
+        for part, does in supplied.items()
+    )
+
+
 def by_part(assistance: Iterable[Assistance]) -> dict[Part, str]:
     """What trebucheck does by the part of a run."""
     does: dict[Part, list[str]] = {}

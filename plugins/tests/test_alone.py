@@ -30,6 +30,11 @@ class Case:
 
 
 CASES: Mapping[str, Case] = {
+    "pybullet": Case(
+        frozenset({"timestep", "solver_iterations", "solver_threshold", "max_joint_velocity"})
+        | {"linear_damping", "angular_damping"},
+        ("fixed", "rolling", "three-cranks", "motor", "spring-pendulum"),
+    ),
     "box2d": Case(
         frozenset({"timestep", "velocity_iterations", "position_iterations", "allow_sleep"}),
         ("fixed", "rolling", "slider-crank", "welded-rods", "motor", "spring-pendulum", "bead"),

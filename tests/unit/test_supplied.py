@@ -18,6 +18,8 @@ from trebucheck.engines.supplied import (
     NOTHING,
     Own,
     Part,
+    all_by,
+    by_part,
     concerned,
     own,
     sentence,
@@ -107,3 +109,11 @@ def test_an_adapter_that_uses_a_shared_driver_says_so(path: Path) -> None:
         assert call not in text or re.search(names, declared), (
             f"it calls {call}...) and does not say so"
         )
+
+
+def test_one_option_switches_off_all_that_it_supplies() -> None:
+    by_mode = all_by("mode", "step", MOVED)
+    assert by_part(by_mode) == dict(MOVED)
+    assert all(each.options_without == {"mode": "step"} for each in by_mode)
+    pendulum = tb.model("pendulum")
+    assert by_part(each for each in by_mode if each.acts_on(pendulum)) == {Part.STEPS: ""}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -21,9 +21,9 @@ import pybullet
 from trebucheck.models.elements import GROUND, AnyJoint
 from trebucheck.models.mechanism import Body, Mechanism
 
+from .engine import NO_LIMIT
+
 _CLOCKWISE = "0 0 -1"
-_UNLIMITED = "1e300"
-NO_LIMIT = 1e30
 
 
 class Client:
@@ -52,37 +52,65 @@ class Links:
     """Links whose joints move, in their order."""
 
 
-def build(mechanism: Mechanism, order: list[tuple[Body, AnyJoint]], opened: bool = False) -> Links:
-    """Build a multibody in a client of its own.
+def urdf(
+    mechanism: Mechanism,
+    order: Sequence[tuple[Body, AnyJoint]],
+    opened: bool = False,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+) -> str:
+    """The tree of a mechanism's joints as URDF.
 
     Args:
         mechanism: what is built.
         order: its bodies with their joints, parents first.
         opened: each body on two prismatic joints along its parent's x and y and a revolute one,
-        whatever its joint
-            holds: the joint forces of such a tree's inverse dynamics are the reactions.
+            whatever its joint holds: the joint forces of such a tree's inverse dynamics are the
+            reactions.
+        ranges: limits [rad] of turns, by the names of the bodies that turn.
     """
     root = ET.Element("robot", name="mechanism")
     _add_link(root, GROUND, 0.0, 0.0, (0.0, 0.0))
     for body, joint in order:
-        _add_body(root, body, joint, list(_joints(body, joint, opened)), mechanism)
+        joints = list(_joints(body, joint, opened))
+        _add_body(root, body, joint, joints, mechanism, (ranges or {}).get(body.name))
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode")
+
+
+def loaded(text: str, gravity: tuple[float, float], bodies: Collection[str]) -> Links:
+    """A multibody of URDF in a client of its own, its joints without Bullet's motors.
+
+    Args:
+        text: URDF.
+        gravity: in the plane [m/s^2].
+        bodies: names of the links that are noted.
+    """
     client = Client()
-    client.setGravity(*mechanism.gravity_vector, 0.0)
+    client.setGravity(*gravity, 0.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mechanism.urdf"
-        ET.ElementTree(root).write(path)
+        path.write_text(text, encoding="utf-8")
         flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_MAINTAIN_LINK_ORDER
         multibody = client.loadURDF(str(path), useFixedBase=True, flags=flags)
     found = Links(client, multibody, {}, [])
-    names = {body.name for body in mechanism.bodies}
     for link in range(client.getNumJoints(multibody)):
         info = client.getJointInfo(multibody, link)
-        if (name := info[12].decode()) in names:
+        if (name := info[12].decode()) in bodies:
             found.carriers[name] = link
         if info[2] != pybullet.JOINT_FIXED:
             found.moving.append(link)
             # On at the start.
             client.setJointMotorControl2(multibody, link, pybullet.VELOCITY_CONTROL, force=0)
+    return found
+
+
+def build(
+    mechanism: Mechanism, order: Sequence[tuple[Body, AnyJoint]], opened: bool = False
+) -> Links:
+    """Build a multibody without damping in a client of its own; arguments as of :func:`urdf`."""
+    names = {body.name for body in mechanism.bodies}
+    found = loaded(urdf(mechanism, order, opened), mechanism.gravity_vector, names)
+    client, multibody = found.client, found.body
     for link in range(-1, client.getNumJoints(multibody)):
         client.changeDynamics(
             multibody,
@@ -114,12 +142,15 @@ def _add_body(
     joint: AnyJoint,
     joints: list[tuple[str, str]],
     mechanism: Mechanism,
+    limits: tuple[float, float] | None,
 ) -> None:
     parent, at = joint.parent, _origin(joint, mechanism)
     for k, (kind, axis) in enumerate(joints):
         last = k == len(joints) - 1
         child = body.name if last else f"{body.name} on {k}"
-        _add_joint(root, f"{joint.name} {k}", kind, axis, parent, child, at)
+        made = _add_joint(root, f"{joint.name} {k}", kind, axis, parent, child, at)
+        if last and limits is not None:
+            _limit(made, *limits)
         parent, at = child, ("0 0 0", "0 0 0")
         if not last:
             _add_link(root, child, 0.0, 0.0, (0.0, 0.0))
@@ -154,11 +185,21 @@ def _add_link(
 
 def _add_joint(
     root: ET.Element, name: str, kind: str, axis: str, parent: str, child: str, at: tuple[str, str]
-) -> None:
+) -> ET.Element:
     made = ET.SubElement(root, "joint", name=name, type=kind)
     ET.SubElement(made, "parent", link=parent)
     ET.SubElement(made, "child", link=child)
     ET.SubElement(made, "origin", xyz=at[0], rpy=at[1])
     ET.SubElement(made, "axis", xyz=axis)
     # lower > upper: no limits
-    ET.SubElement(made, "limit", lower="1", upper="-1", effort="0", velocity=_UNLIMITED)
+    ET.SubElement(made, "limit", lower="1", upper="-1", effort="0", velocity="0")
+    return made
+
+
+def _limit(made: ET.Element, low: float, high: float) -> None:
+    """Turn a continuous joint into one with limits [rad]."""
+    made.set("type", "revolute")
+    limits = made.find("limit")
+    assert limits is not None
+    limits.set("lower", repr(max(low, -NO_LIMIT)))
+    limits.set("upper", repr(min(high, NO_LIMIT)))

@@ -9,16 +9,17 @@ from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import LIMITED, MOVED, Supplied
+from trebucheck.engines.supplied import MOVED, Assistance, Part, Supplied, all_by
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.spec import NonNegative
+from trebucheck.models.spec import NonNegative, Positive
 from trebucheck_toolkit.event_driver import EventDriver
-from trebucheck_toolkit.joint_tree import LimitedMotion, TreeMotion
-from trebucheck_toolkit.plain_run import plain_run
+from trebucheck_toolkit.joint_tree import TreeMotion
 
 from .study import STUDY
+
+NO_LIMIT = 1e30  # of a joint's angle or speed
 
 
 class PyBulletEngine(BuiltinEngine):
@@ -28,8 +29,10 @@ class PyBulletEngine(BuiltinEngine):
     joints that close loops are constraint multipliers on them, and events are located by
     trebucheck's driver.
 
-    The default preset is `stepSimulation` with Bullet's joint limits, every other setting Bullet's
-    default.
+    By itself (`mode="step"`, :mod:`.alone`) it is `stepSimulation` from start to end, with limits
+    of Bullet's joints and its point-to-point constraints. Limits stay in the tree whatever the
+    law: it keeps to release-once only while no stop is met again. A stop is read as released at the
+    end of the first step after which its limit has no torque.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -48,7 +51,23 @@ class PyBulletEngine(BuiltinEngine):
         "iteration)",
         features=frozenset(Feature),
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}
+    default_options: ClassVar[Mapping[str, object] | None] = {
+        "mode": "step",
+        "timestep": 1 / 240,
+        "linear_damping": 0.04,
+        "angular_damping": 0.04,
+        "max_joint_velocity": 100.0,
+    }
+    settings_options: ClassVar[Mapping[str, object] | None] = {
+        "mode": "step",
+        "solver_iterations": 500,
+        "solver_threshold": 0.0,
+    }
+    assistance: ClassVar[tuple[Assistance, ...] | None] = all_by("mode", "step", MOVED)
+    readings: ClassVar[Supplied] = {
+        Part.ELEMENTS: "forces of springs and loads, given before each step",
+        Part.TORQUES: "from the speeds that limits change",
+    }
 
     mode: Literal["dynamics", "step"] = Field(
         default="dynamics",
@@ -61,35 +80,43 @@ class PyBulletEngine(BuiltinEngine):
         default=1e-7,
         description="change of an iteration below which the solver of the joint limits ends",
     )
+    linear_damping: NonNegative = Field(
+        default=0.0, description="Bullet's damping of the links' velocities in its own steps [1/s]"
+    )
+    angular_damping: NonNegative = Field(
+        default=0.0, description="Bullet's damping of the links' turning in its own steps [1/s]"
+    )
+    max_joint_velocity: Positive = Field(
+        default=NO_LIMIT,
+        description="speed of a joint above which Bullet's own steps cut it off [rad/s, m/s]",
+    )
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """Bullet's own steps are of trees, with limits of joints, without restitution."""
+        """Elements that the adapter builds none of Bullet's for, in Bullet's own steps."""
         return (
-            frozenset()
-            if self.mode == "dynamics"
-            else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+            frozenset() if self.mode == "dynamics" else frozenset({Basic.POINT_STOP, Basic.REBOUND})
         )
 
     @property
     def supplied(self) -> Supplied:
-        """Assistance: in `stepSimulation` limits are Bullet's; torques from speed changes."""
-        return MOVED if self.mode == "dynamics" else LIMITED
+        """All but the dynamics; by itself what is read off Bullet's steps, and given forces."""
+        return MOVED if self.mode == "dynamics" else self.readings
 
     def _run(self, problem: Problem) -> Recording:
+        if self.mode == "step":
+            from .alone import run_alone
+
+            return run_alone(problem, self)
         from .tree import BulletTree
 
-        if self.mode == "step":
-            solver = {
-                "numSolverIterations": self.solver_iterations,
-                "solverResidualThreshold": self.solver_threshold,
-            }
-            tree = BulletTree(problem.mechanism, self.timestep, solver)
-            motion = LimitedMotion(problem, tree, self.timestep, "pybullet's own step")
-            return plain_run(problem, motion, self.name, self.timestep)
-        return EventDriver(
-            problem, TreeMotion(BulletTree(problem.mechanism)), self.name, self.timestep
-        ).run()
+        motion = TreeMotion(BulletTree(problem.mechanism))
+        return EventDriver(problem, motion, self.name, self.timestep).run()
+
+    def _script(self, problem: Problem) -> str:
+        from .alone import script
+
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and accelerations in each state."""

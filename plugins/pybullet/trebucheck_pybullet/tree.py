@@ -1,38 +1,31 @@
-"""A mechanism as a Bullet multibody: its dynamics, its limits and steps, and what it shows."""
+"""A mechanism as a Bullet multibody: its dynamics, and what it shows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pybullet
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.mechanism import Mechanism
 from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
-from trebucheck_toolkit.schemes import State
 
-from .build import NO_LIMIT, Links, build
+from .build import Links, build
 
 
 class BulletTree:
-    """Multibody for dynamics and steps, and an opened one for reactions by inverse dynamics."""
+    """Multibody for dynamics, and an opened one for reactions by inverse dynamics."""
 
-    def __init__(
-        self, mechanism: Mechanism, timestep: float = 1e-3, solver: Mapping[str, Any] | None = None
-    ) -> None:
-        """Build both; `solver` are arguments of `setPhysicsEngineParameter`."""
+    def __init__(self, mechanism: Mechanism) -> None:
+        """Build both."""
         self.mechanism, self.coordinates = mechanism, JointCoordinates(mechanism)
         order = list(self.coordinates.links)
         self.links, self.opened = build(mechanism, order), build(mechanism, order, opened=True)
         self.client: Any = self.links.client
-        self.client.setPhysicsEngineParameter(fixedTimeStep=timestep, **(solver or {}))
         self.inertias: dict[str, tuple[float, float]] = {}
         for name, link in self.links.carriers.items():
             info = self.client.getDynamicsInfo(self.links.body, link)
             self.inertias[name] = float(info[0]), float(info[2][2])
-            self.client.enableJointForceTorqueSensor(self.links.body, link, True)
 
     # --- Dynamics
     # ---------------------------------------------------------------------------------------------
@@ -54,37 +47,10 @@ class BulletTree:
         self.place(j, np.zeros_like(j))
         return {name: np.array(self._link(name)[0][:2]) for name in self.links.carriers}
 
-    # --- Steps
-    # ---------------------------------------------------------------------------------------------
-
     def place(self, j: FloatArray, v: FloatArray) -> None:
         """Set the state."""
         for link, at, speed in zip(self.links.moving, j.tolist(), v.tolist(), strict=True):
             self.client.resetJointState(self.links.body, link, at, speed)
-
-    def limit(self, index: int, low: float, high: float) -> None:
-        """Set the range of a joint coordinate."""
-        low, high = max(low, -NO_LIMIT), min(high, NO_LIMIT)
-        link = self.links.moving[index]
-        self.client.changeDynamics(self.links.body, link, jointLowerLimit=low, jointUpperLimit=high)
-
-    def state(self) -> State:
-        """The present state."""
-        states = self.client.getJointStates(self.links.body, self.links.moving)
-        return np.array([each[0] for each in states]), np.array([each[1] for each in states])
-
-    def step(self, forces: FloatArray) -> Mapping[str, FloatArray]:
-        """Take one step; reactions are Bullet's joint sensors, in link frames at its start."""
-        client, links = self.client, self.links
-        turned = {name: _turn(self._link(name)[1]) for name in links.carriers}
-        for link, force in zip(links.moving, forces.tolist(), strict=True):
-            client.setJointMotorControl2(links.body, link, pybullet.TORQUE_CONTROL, force=force)
-        client.stepSimulation()
-        return {
-            joint.name: turned[joint.child]
-            @ client.getJointState(links.body, links.carriers[joint.child])[2][:2]
-            for joint in self.mechanism.tree_joints
-        }
 
     # --- What it shows
     # ---------------------------------------------------------------------------------------------
@@ -107,7 +73,7 @@ class BulletTree:
             kinetic_energy=kinetic,
             potential_energy=potential,
             reactions=self._reactions(
-                j, v, a, {name: _turn(link[1]) for name, link in links.items()}
+                j, v, a, {name: turn(link[1]) for name, link in links.items()}
             ),
         )
 
@@ -124,7 +90,7 @@ class BulletTree:
     ) -> tuple[FloatArray, FloatArray]:
         # From the centre of mass: Bullet rounds the pose of the link's own frame to single
         # precision.
-        arm = _turn(link[1]) @ (np.array(point) - self.mechanism.body(name).centre)
+        arm = turn(link[1]) @ (np.array(point) - self.mechanism.body(name).centre)
         speed = np.array(link[6][:2]) + link[7][2] * np.array([-arm[1], arm[0]])
         return np.array(link[0][:2]) + arm, speed
 
@@ -155,7 +121,7 @@ def _inverse_dynamics(links: Links, j: FloatArray, v: FloatArray, a: FloatArray)
     )
 
 
-def _turn(quaternion: tuple[float, float, float, float]) -> FloatArray:
+def turn(quaternion: tuple[float, float, float, float]) -> FloatArray:
     """Rotation in the plane of a quaternion (x, y, z, w) about z."""
     z, w = quaternion[2:]
     cos, sin = w * w - z * z, 2 * z * w

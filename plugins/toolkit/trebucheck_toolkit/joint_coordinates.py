@@ -107,6 +107,11 @@ class JointCoordinates:
                 matrix[row, freedom.index] = 1.0
         return matrix, constants
 
+    @property
+    def offsets(self) -> FloatArray:
+        """Constants d of j = D q + d."""
+        return self._differences[1]
+
     @cached_property
     def sums(self) -> FloatArray:
         """C, the inverse of D: u = C v."""

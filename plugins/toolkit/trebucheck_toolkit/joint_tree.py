@@ -179,7 +179,10 @@ class JointLimits:
         for stop in coordinates.mechanism.stops:
             limit = coordinates.limit(stop)
             if limit is None:
-                text = f"{engine} has limits on joints alone, and stop {stop.name!r} is on none."
+                text = (
+                    f"our adapter of {engine} builds stops as limits of joints alone, and "
+                    f"{stop.name!r} is on none."
+                )
                 raise UnsupportedProblemError(text)
             self.limits[stop.name] = limit
 
@@ -294,5 +297,6 @@ def refuse_loops(mechanism: Mechanism, engine: str) -> None:
     loops = [joint.name for joint in mechanism.loop_joints]
     if loops:
         raise UnsupportedProblemError(
-            f"{engine} is a tree of joints, and {', '.join(loops)} closes a loop."
+            f"our adapter of {engine} builds a tree of joints, and {', '.join(loops)} closes a "
+            "loop."
         )

@@ -40,15 +40,16 @@ def located_tolerances(
 
 
 _FIRST = "first order: the projectile, at up to 40 m/s, is a step's time off"
-EULER_TOLERANCES = (
-    Tolerance(DEFAULT, "position_max", 4e-2, 1e-3, 1, _FIRST),
-    Tolerance(
-        DEFAULT,
-        "release_time",
-        2e-3,
-        1e-3,
-        1,
-        "first order: a step late by the scheme, one by its end",
-    ),
-)
-"""Tolerances of default presets: semi-implicit Euler with joint limits of their own."""
+
+
+def euler_tolerances(preset: str) -> tuple[Tolerance, ...]:
+    """Tolerances of a preset of semi-implicit Euler with joint limits of the engine's own."""
+    late = "first order: a step late by the scheme, one by its end"
+    return (
+        Tolerance(preset, "position_max", 4e-2, 1e-3, 1, _FIRST),
+        Tolerance(preset, "release_time", 2e-3, 1e-3, 1, late),
+    )
+
+
+EULER_TOLERANCES = euler_tolerances(DEFAULT)
+"""The same of default presets."""
