@@ -31,7 +31,7 @@ from trebucheck.models.elements import (
 )
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.alone import BodySteps
-from trebucheck_toolkit.node_scene import NodeScene, lawful_stops
+from trebucheck_toolkit.node_scene import MIRROR, NodeScene, lawful_stops
 
 from .build import Plan, Vector
 from .options import Box2DOptions
@@ -47,17 +47,19 @@ def run_alone(problem: Problem, options: Box2DOptions) -> Recording:
     found: dict[str, Any] = {}
     exec(_program(problem, options, spread, plan), found)
     steps = len(found["t"]) - 1
-    # Anticlockwise to clockwise, without the ground.
+    # Without the ground, to the scene's axes.
+    scene = NodeScene(spread.mechanism, "box2d")
     states = found["states"][:, 1:] * np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+    states[..., 2] -= [scene.angles[body.name] for body in plan.bodies]
     pins = np.reshape(found["torques"], (steps, -1))
     limited = _limited(plan)
     return BodySteps(
         problem,
-        NodeScene(spread.mechanism, "box2d"),
+        scene,
         spread,
         found["t"],
         states,
-        forces=np.reshape(found["forces"], (steps, len(plan.joints), 2)),
+        forces=np.reshape(found["forces"], (steps, len(plan.joints), 2)) * MIRROR,
         torques={
             name: np.maximum(0.0, limit.sense * pins[:, limited.index(plan.pins[limit.index])])
             for name, limit in plan.limits.items()

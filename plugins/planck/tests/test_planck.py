@@ -1,5 +1,6 @@
-"""planck.js against the reference; orders and limits are in `plugins/tests`."""
+"""planck.js's defaults, and planck.js against the reference; the rest is in `plugins/tests`."""
 
+import re
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -12,6 +13,67 @@ from trebucheck.reference.solver import solve
 from trebucheck_planck.bridge import PLANCK
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
+
+
+def test_the_defaults_are_planck_js_own() -> None:
+    """Those of a world that sets nothing; `step` has no step size but that of HelloWorld.ts."""
+    own = PLANCK.run(
+        """
+        import * as planck from "planck";
+        const world = new planck.World(), body = world.createDynamicBody();
+        const { linearSlop, angularSlop } = planck.Settings;
+        console.log(JSON.stringify({
+          linearSlop, angularSlop, sleep: [world.getAllowSleeping(), body.isSleepingAllowed()],
+          velocity: world.m_velocityIterations, position: world.m_positionIterations,
+        }));
+        """
+    )
+    default = tb.engine("planck", "default")
+    assert own == {
+        "linearSlop": default.linear_slop,
+        "angularSlop": default.angular_slop,
+        "sleep": [default.allow_sleep] * 2,
+        "velocity": default.velocity_iterations,
+        "position": default.position_iterations,
+    }
+    assert default.first_iterations == default.velocity_iterations
+    example = (PLANCK.folder / "node_modules" / "planck" / "HelloWorld.ts").read_text("utf-8")
+    (step,) = re.findall(r"var timeStep = ([0-9.]+) / ([0-9.]+);", example)
+    assert float(step[0]) / float(step[1]) == default.timestep
+    # The program sets none of them.
+    program = default.script(tb.Problem(tb.fixed(), duration=0.1))
+    assert "Settings" not in program and "allowSleep" not in program
+
+
+def test_a_body_at_rest_falls_asleep_by_default_alone() -> None:
+    """planck.js stops what hardly moves for half a second, as its worlds do that set nothing."""
+    body = tb.Body(name="puck", angle="q", mass=1.0, centre=(0.0, 0.0), inertia=0.1)
+    made = tb.Mechanism(
+        name="slow puck",
+        bodies=(body,),
+        joints=(tb.FreeJoint(name="air", child="puck", coordinates=("x", "y")),),
+        stops=(),
+        gravity=0.0,
+        start=(0.0, 0.0, 0.0),
+        start_speeds=(0.0, 0.005, 0.0),
+    )
+    problem = tb.Problem(made, duration=1.0)
+    assert tb.engine("planck", "default").simulate(problem).u[-1, 1] == 0.0
+    for preset in ("settings", "assisted"):
+        assert tb.engine("planck", preset).simulate(problem).u[-1, 1] == pytest.approx(0.005)
+
+
+@pytest.mark.parametrize("preset", ["default", "settings"])
+def test_a_stop_is_read_as_released_where_it_has_pushed_last(preset: str) -> None:
+    """The correction of the pins opens its limit for some steps; that is no release."""
+    problem, engine = tb.Problem(tb.fixed(), duration=1.4), tb.engine("planck", preset)
+    found, right = engine.simulate(problem), tb.engine("reference").simulate(problem)
+    for name, time in right.release_times.items():
+        released = found.release_times[name]
+        if time is None:
+            assert released is None
+        else:  # two steps by the scheme and its end; what pauses hide is as with Box2D
+            assert released == pytest.approx(time, abs=2 * engine.timestep + 5e-3)
 
 
 @pytest.mark.parametrize(

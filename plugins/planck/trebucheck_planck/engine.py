@@ -2,35 +2,49 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
-import numpy as np
-from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
+from trebucheck.engines.point_masses import spread_masses, spreads_masses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Part, Supplied
+from trebucheck.engines.supplied import Assistance, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.spec import Positive
-from trebucheck_toolkit.node_samples import NodeSamples
+from trebucheck_toolkit.node_samples import NodeSamples, sample_times
 from trebucheck_toolkit.node_scene import Json, NodeScene
 
+from .alone import run_alone, script
 from .bridge import PLANCK
 from .inspect import inspect
 from .motion import recording
+from .options import OWN_SLOPS, PlanckOptions
 from .study import STUDY
 
+_ALONE: Mapping[str, object] = {
+    "hold": False,
+    "keep_limits": True,
+    "least_inertia": None,
+    "fit_steps": False,
+}
+"""Options with which trebucheck takes no part in a run."""
 
-class PlanckEngine(BuiltinEngine):
-    """planck.js's world in Node.js; defaults are the assisted preset: short steps, small slops.
 
-    The default preset has the iterations and slops of planck.js, limits where the stops are, and
-    steps of 1 ms.
+def _has_stops(mechanism: Mechanism) -> bool:
+    return bool(mechanism.stops)
+
+
+class PlanckEngine(PlanckOptions, BuiltinEngine):
+    """planck.js's world in Node.js.
+
+    By itself (:mod:`.alone`) the limit of every stop stays in its joint, and bodies are those of
+    the mechanism; point masses, which planck.js would never turn, have an inertia by mass moved
+    along their pins. With assistance a stop that pushes is held from both sides, limits go with
+    their stops, and every body has some inertia. With every preset springs, dampers and motors are
+    forces and torques that are given to the bodies before each step, as planck.js's own springs are
+    soft joints, which have a frequency and no stiffness.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -50,45 +64,47 @@ class PlanckEngine(BuiltinEngine):
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {
-        "timestep": 1e-3,
+        **_ALONE,
+        # `step` has no step size of its own: that of planck.js's HelloWorld.ts.
+        "timestep": 1 / 60,
         "first_iterations": 8,
         "velocity_iterations": 8,
         "position_iterations": 3,
-        "linear_slop": 5e-3,
-        "angular_slop": math.radians(2.0),
-        "hold": False,
+        "linear_slop": OWN_SLOPS["linearSlop"],
+        "angular_slop": OWN_SLOPS["angularSlop"],
+        "allow_sleep": True,
     }
-
-    timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
-    velocity_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=30, description="of the impulses of the joints, each step"
+    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
+        Assistance(
+            Part.EVENTS,
+            "holds a stop from both sides while it pushes, and lets it go where it would pull",
+            "hold",
+            off=False,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.EVENTS,
+            "takes the limits of stops that are open for good out of the model",
+            "keep_limits",
+            off=True,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.MODEL,
+            "moves mass along pins to bodies of little inertia",
+            "least_inertia",
+            off=None,
+            acts_on=spreads_masses,
+        ),
+        Assistance(
+            Part.SUBSTEPS,
+            "shortens the steps, so that a whole number of them fits",
+            "fit_steps",
+            off=False,
+        ),
     )
-    first_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=3000,
-        description="those of the first step, which begins without impulses of one before",
-    )
-    position_iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=30,
-        description="of the correction of the joints' drift, each step; it ends within the slops",
-    )
-    linear_slop: Positive = Field(
-        default=1e-9, le=1.0, description="drift of joints that is let be [m]"
-    )
-    angular_slop: Positive = Field(
-        default=1e-9, le=0.1, description="drift of angles and limits that is let be [rad]"
-    )
-    hold: bool = Field(
-        default=True,
-        description="whether a stop that pushes is held from both sides until it would pull: the "
-        "correction of pins turns bodies, and opens a limit that holds from one side",
-    )
-    least_inertia: LeastInertia = 1e-3
-
-    @property
-    def supplied(self) -> Supplied:
-        """Assistance: springs and motors are forces on bodies; held stops are released by us."""
-        held = "a stop is held from both sides while it pushes, and let go where it would pull"
-        return {Part.ELEMENTS: ""} | ({Part.EVENTS: held} if self.hold else {})
+    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
     @classmethod
     def is_installed(cls) -> bool:
@@ -106,14 +122,19 @@ class PlanckEngine(BuiltinEngine):
         return PLANCK.absence()
 
     def _run(self, problem: Problem) -> Recording:
-        spread = NoPointMasses(problem.mechanism, self.least_inertia)
+        if not self.assisted_by:
+            return run_alone(problem, self)
+        spread = spread_masses(problem.mechanism, self.least_inertia, self.name)
         scene = NodeScene(spread.mechanism, self.name)
-        steps = math.ceil(problem.duration / self.timestep - 1e-9)
-        moved = PLANCK.move(
-            scene.description(problem, problem.duration / steps, steps) | self._settings()
-        )
-        samples = NodeSamples(scene, np.linspace(0.0, problem.duration, steps + 1), moved)
-        return recording(samples, spread, problem)
+        t = sample_times(problem.duration, self.timestep, fit=self.fit_steps)
+        step = problem.duration / (len(t) - 1) if self.fit_steps else self.timestep
+        described = scene.description(problem, step, len(t) - 1)
+        described["once"] = described["once"] and not self.keep_limits
+        moved = PLANCK.move(described | self._settings())
+        return recording(NodeSamples(scene, t, moved), spread, problem)
+
+    def _script(self, problem: Problem) -> str:
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Masses, inertias, anchors and gravity of the built world, and what follows from them."""
@@ -127,5 +148,6 @@ class PlanckEngine(BuiltinEngine):
             "positionIterations": self.position_iterations,
             "linearSlop": self.linear_slop,
             "angularSlop": self.angular_slop,
+            "allowSleep": self.allow_sleep,
             "hold": self.hold,
         }

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from trebucheck.engines.presets import ASSISTED, PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
     REFINEMENT,
+    SETTINGS_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -18,6 +19,8 @@ from trebucheck.engines.study import (
     Tolerance,
     time_step_cause,
 )
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -35,23 +38,37 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
             Intervention({"linear_slop": 1e-9, "angular_slop": 1e-9}),
         ),
         Cause(
+            "sleep",
+            "bodies that hardly move for half a second are stopped",
+            Intervention({"allow_sleep": False}),
+        ),
+        Cause(
             "stops held from one side",
             "the correction of pins turns bodies, and opens limits",
             Intervention({"hold": True}),
         ),
+        Cause(
+            "limits that stay",
+            "a stop that is open for good is met again",
+            Intervention({"keep_limits": False}),
+        ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
     )
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {"planck.js in Node.js": engine.script(Problem(mechanism, duration=duration))}
 
 
 _SCHEME = "semi-implicit Euler, impulses"
 _REASON = "semi-implicit Euler in Cartesian coordinates"
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={
-        ASSISTED: StepOrder(1.0, _REASON, _SCHEME),
-        DEFAULT: StepOrder(1.0, _REASON, _SCHEME),
-    },
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
+    step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
+    option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
+    snippets=_snippets,
     tolerances=(
         Tolerance(
             ASSISTED, "position_max", 1e-2, 1e-4, 1, "first order: up to 100 m/s times a step"
@@ -70,12 +87,14 @@ STUDY = EngineStudy(
     title="planck.js",
     binding="the npm package `planck`, moved by Node.js",
     maintainers_note=MaintainersNote(
-        chosen="Shorter steps, smaller slops, and a first step of many iterations, as each "
-        "start begins without impulses: {{ plain.agrees }} problems agree without that, "
-        "{{ best.agrees }} with it.",
-        not_possible="A limit that holds from one side is opened by the correction of the "
-        "pins, so that the adapter holds a stop from both sides while it pushes; limits have "
-        "no restitution, and our adapter builds no stops on points.",
+        chosen="`default` is a world that sets nothing, at the step of planck.js's HelloWorld; "
+        "`settings` has shorter steps, smaller slops, no sleep, and a first step of many "
+        "iterations, as each start begins without impulses: {{ plain.agrees }} problems agree "
+        "where nothing is set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
+        not_possible="A limit that holds from one side is opened by the correction of the pins, "
+        "so that with assistance a stop is held from both sides while it pushes; limits have no "
+        "restitution, springs a frequency and no stiffness, so that the adapter gives springs as "
+        "forces, and our adapter builds no stops on points.",
         would_change="Shorter steps: what breaks is the error of a step, of order "
         "{{ best.order }}.",
     ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from trebucheck.engines.point_masses import NoPointMasses
@@ -25,13 +26,13 @@ class BodySteps:
 
     Args:
         problem: what is moved.
-        scene: the bodies as they are read; only those of the mechanism are.
+        scene: the bodies as they are read.
         spread: the mechanism that the engine was given.
         t: start and end of each step [s], shape (n + 1,).
-        states: centres of mass, clockwise angles from the world's axes, and their rates, with y
-            upwards, shape (n + 1, bodies, 6).
-        forces: of each joint that holds anything on its child, shape (n, joints, 2) [N]; None: the
-            engine tells none.
+        states: centres of mass, angles, and their rates as in the scene, mirrored and from the
+            start, shape (n + 1, bodies, 6).
+        forces: of each joint that holds anything on its child, in the scene's axes, shape
+            (n, joints, 2) [N]; None: the engine tells none.
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
             the engine tells none.
         slop: error of angles that the engine lets be [rad].
@@ -85,14 +86,9 @@ class BodySteps:
         ended = len(opened) or last > max(pauses, default=1)
         return float(self.t[pushing[-1] + 1]) if ended else None
 
-    @property
+    @cached_property
     def _samples(self) -> NodeSamples:
-        """The states in the scene's axes: mirrored, with angles from the start."""
-        names = [body.name for body in self.scene.mechanism.bodies]
-        starts = np.array([self.scene.angles[name] for name in names])
-        mirrored = self.states[:, : len(names)] * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
-        mirrored[..., 2] -= starts
-        return NodeSamples(self.scene, self.t, mirrored.reshape(len(self.t), -1))
+        return NodeSamples(self.scene, self.t, self.states.reshape(len(self.t), -1))
 
     def _reactions(self, forces: FloatArray) -> dict[str, FloatArray]:
         """Force of each joint on its child with the masses of the mechanism [N]."""
@@ -104,7 +100,7 @@ class BodySteps:
             _, velocity = self._samples.point(joint.child, joint.child_point)
             acceleration = np.diff(velocity * MIRROR, axis=0) / np.diff(self.t)[:, None]
             reactions[joint.name] = _last_repeated(
-                self.spread.reaction(joint.name, forces[:, index], acceleration)
+                self.spread.reaction(joint.name, forces[:, index] * MIRROR, acceleration)
             )
         return reactions
 

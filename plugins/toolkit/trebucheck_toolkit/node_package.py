@@ -73,11 +73,23 @@ class NodePackage:
 
     def move(self, scene: Mapping[str, Any]) -> FloatArray:
         """Samples of a scene, shape (steps + 1, columns); SimulationError if the process fails."""
-        command, text = ["node", "move.cjs", str(SCENE)], json.dumps(scene)
+        written = self._node("move.cjs", str(SCENE), text=json.dumps(scene))
+        return np.frombuffer(written, dtype="<f8").reshape(scene["steps"] + 1, -1)
+
+    def run(self, program: str) -> dict[str, Any]:
+        """What a module of ECMAScript prints as JSON; SimulationError if the process fails."""
+        return json.loads(self._node("--input-type=module", "-", text=program))
+
+    def _node(self, *arguments: str, text: str) -> bytes:
+        """Output of Node.js in the package's folder."""
         ended = subprocess.run(
-            command, cwd=self.folder, input=text.encode(), capture_output=True, check=False
+            ["node", *arguments],
+            cwd=self.folder,
+            input=text.encode(),
+            capture_output=True,
+            check=False,
         )
         if ended.returncode:
             complaint = ended.stderr.decode(errors="replace").strip()[-500:]
             raise SimulationError(f"{self.title} failed: {complaint}")
-        return np.frombuffer(ended.stdout, dtype="<f8").reshape(scene["steps"] + 1, -1)
+        return ended.stdout

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
@@ -13,6 +15,19 @@ from trebucheck.models.spec import Vector
 from trebucheck.models.trajectory import PointMotion
 
 from .node_scene import MIRROR, NodeScene, turned
+
+
+def sample_times(duration: float, timestep: float, *, fit: bool) -> FloatArray:
+    """Times of the samples of whole steps [s].
+
+    Args:
+        duration: [s].
+        timestep: [s].
+        fit: whether the steps are a little shorter, so that the last one ends with the duration.
+    """
+    if fit:
+        return np.linspace(0.0, duration, math.ceil(duration / timestep - 1e-9) + 1)
+    return timestep * np.arange(whole_steps(duration, timestep) + 1, dtype=np.float64)
 
 
 def _across(vectors: FloatArray) -> FloatArray:

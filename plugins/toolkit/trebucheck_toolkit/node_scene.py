@@ -74,6 +74,8 @@ class NodeScene:
         }
         self.bodies = [self._body(body) for body in mechanism.bodies]
         """Those that an engine needs besides come after the mechanism's."""
+        self.others: list[str] = []
+        """Names of those that come after."""
         self.joints: list[Json] = []
         self.pins: dict[tuple[str, str], int] = {}
         """Joints that carry limits, by the names of parent and child."""
@@ -85,7 +87,7 @@ class NodeScene:
         return {
             "bodies": self.bodies,
             "joints": self.joints,
-            "stops": [self._stop(stop) for stop in lawful_stops(problem)],
+            "stops": [self.stop(stop) for stop in lawful_stops(problem)],
             "once": problem.stop_law is StopLaw.RELEASE_ONCE,
             "gravity": (np.array(self.mechanism.gravity_vector) * MIRROR).tolist(),
             "loads": [self._load(element) for element in self.mechanism.force_elements],
@@ -101,9 +103,11 @@ class NodeScene:
     def axis(self, joint: AnyJoint) -> FloatArray:
         """A slide's coordinate at the start."""
         direction = complex(joint.free_directions[0])
-        return turned(
-            self.angles[joint.parent], np.array([direction.real, direction.imag]) * MIRROR
-        )
+        return self.turned_at_start(joint.parent, (direction.real, direction.imag))
+
+    def turned_at_start(self, body: str, vector: Vector) -> FloatArray:
+        """A vector of a body's frame at the start."""
+        return turned(self.angles[body], np.array(vector) * MIRROR)
 
     def _body(self, body: Body) -> Json:
         row = self.kinematics.point(body.name, body.centre)
@@ -140,7 +144,7 @@ class NodeScene:
         """One joint that slides and turns; engines without it build another."""
         self.joints.append(ends | {"kind": "slot", "axis": self.axis(joint).tolist()})
 
-    def _stop(self, stop: AnyStop) -> Json:
+    def stop(self, stop: AnyStop) -> Json:
         """Limit of a pin on the child's angle less the parent's; side 1 is the least."""
         _STOPS[stop]  # refuses stops on points by name
         assert isinstance(stop, Stop)
@@ -151,7 +155,8 @@ class NodeScene:
                 gap = 0.0 if stop.closed else stop.sense * between - stop.limit
                 return {"joint": joint, "side": side, "angle": -side * gap, "closed": stop.closed}
         raise UnsupportedProblemError(
-            f"{self.engine} has limits on pins alone, and stop {stop.name!r} is on none."
+            f"our adapter builds stops for {self.engine} as limits of pins, and stop "
+            f"{stop.name!r} is on none."
         )
 
     def _load(self, element: AnyForceElement) -> Json:

@@ -69,7 +69,7 @@ class PlanckScene extends Scene {
     super(given);
     P.Settings.linearSlop = given.linearSlop;
     P.Settings.angularSlop = given.angularSlop;
-    this.world = new P.World({ gravity: vector(given.gravity), allowSleep: false, continuousPhysics: false });
+    this.world = new P.World({ gravity: vector(given.gravity), allowSleep: given.allowSleep, continuousPhysics: false });
     this.ground = this.world.createBody();
     this.bodies = given.bodies.map((body) => makeBody(this.world, body));
     this.joints = given.joints.map((joint) =>

@@ -1,0 +1,140 @@
+"""Programs of a scene for Node.js, with nothing but an engine's interface.
+
+A program is an ECMAScript module. Save it as `run.mjs` in a folder with the engine's package of npm
+and call `node run.mjs`: it prints JSON with `t` [s], `q` and `u`, the mechanism's coordinates and
+speeds in each sample, all digits of each number; beside them `states` of the bodies (x, y, angle
+and their rates) and what the engine has `told` of each step. :meth:`.NodePackage.run` does so.
+
+An engine's own part is its template `alone.mjs.j2`, with functions
+
+- `state(name)`: x, y, angle, and their rates of a body;
+- `apply(name, force, torque)`: given to a body for the next step;
+- `step()`: takes a step, and returns numbers that it tells of it;
+
+and an object `bodies`, by name.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from trebucheck.engines.events import whole_steps
+from trebucheck.engines.study import filled_template
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import (
+    FORCE_ELEMENTS,
+    GROUND,
+    ConstantForce,
+    ConstantTorque,
+    CubicTorsionSpring,
+    ElementTable,
+    RotationalSpringDamper,
+    SpringDamper,
+)
+from trebucheck.models.problem import Problem
+from trebucheck.models.spec import Vector
+
+from .node_scene import MIRROR, NodeScene
+
+
+def node_program(
+    module: str, scene: NodeScene, problem: Problem, timestep: float, **values: Any
+) -> str:
+    """The program of a run.
+
+    Args:
+        module: whose templates have the engine's part.
+        scene: what is moved.
+        problem: for its duration and force elements.
+        timestep: [s].
+        values: of the engine's part, which has `names` of the bodies and `text` besides.
+    """
+    mechanism = scene.mechanism
+    names = [body.name for body in mechanism.bodies]
+    engine = filled_template(
+        module, "alone.mjs.j2", scene=scene, names=[*names, *scene.others], text=_text, **values
+    )
+    return filled_template(
+        __name__,
+        "program.mjs.j2",
+        engine=engine,
+        timestep=timestep,
+        steps=whole_steps(problem.duration, timestep),
+        loads=[line for each in mechanism.force_elements for line in _LOADS[each](scene, each)],
+        angles=[
+            (body.name, scene.angles[body.name])
+            for body in mechanism.bodies
+            if body.angle is not None
+        ],
+        slides=_slides(scene),
+        text=_text,
+    )
+
+
+def _slides(scene: NodeScene) -> list[str]:
+    """Arguments of the program's `slide` for each slide coordinate."""
+    slides: list[str] = []
+    for slide in scene.mechanism.slides:
+        joint, along = slide.joint, complex(slide.direction)
+        axis = scene.turned_at_start(joint.parent, (along.real, along.imag))
+        slides.append(
+            f"{_point(scene, joint.parent, joint.parent_point)}, "
+            f"{_point(scene, joint.child, joint.child_point)}, {_text(axis)}"
+        )
+    return slides
+
+
+def _text(value: Any) -> str:
+    """A value as JavaScript reads it, numbers as float64."""
+    if isinstance(value, np.ndarray):
+        value = (value + 0.0).tolist()
+    return json.dumps(value + 0.0 if isinstance(value, float) else value)
+
+
+def _point(scene: NodeScene, body: str, point: Vector) -> str:
+    return f"{_text(body)}, {_text(scene.offset(body, point))}"
+
+
+# --- Forces and torques of a step
+
+
+def _force(scene: NodeScene, element: ConstantForce) -> list[str]:
+    if element.body == GROUND:
+        return []
+    force: FloatArray = np.array(element.force) * MIRROR
+    at = f"point({_point(scene, element.body, element.point)})"
+    return [f"push({_text(element.body)}, {at}, {_text(force)})"]
+
+
+def _torque(scene: NodeScene, element: ConstantTorque) -> list[str]:
+    both = (element.body, element.torque), (element.relative_to, -element.torque)
+    return [f"apply({_text(body)}, [0, 0], {_text(torque)})" for body, torque in both]
+
+
+def _spring(scene: NodeScene, element: SpringDamper) -> list[str]:
+    ends = (element.body, element.point), (element.relative_to, element.relative_point)
+    law = ", ".join(map(_text, (element.stiffness, element.damping, element.rest_length)))
+    return [f"spring({', '.join(_point(scene, *end) for end in ends)}, {law})"]
+
+
+def _torsion_spring(scene: NodeScene, element: RotationalSpringDamper) -> list[str]:
+    between = scene.angles[element.body] - scene.angles[element.relative_to]
+    law = element.stiffness, element.damping, element.rest_angle - between
+    bodies = f"{_text(element.body)}, {_text(element.relative_to)}"
+    return [f"torsionSpring({bodies}, {', '.join(map(_text, law))})"]
+
+
+_LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
+    "the program for Node.js",
+    FORCE_ELEMENTS,
+    {
+        ConstantForce: _force,
+        ConstantTorque: _torque,
+        SpringDamper: _spring,
+        RotationalSpringDamper: _torsion_spring,
+    },
+    {CubicTorsionSpring: "its springs are linear"},
+)
