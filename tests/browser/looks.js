@@ -75,7 +75,9 @@
         if (getComputedStyle(part).breakInside !== "avoid") found.push(`${this.name(part)} may be cut`);
         if (part.getBoundingClientRect().height > height) found.push(`${this.name(part)} is higher than a sheet`);
       }
-      if (!figure.matches(".animation") && figure.querySelectorAll(".panel").length !== figure.querySelectorAll(".panel svg").length) found.push(`a panel of ${this.name(figure)} is empty`);
+      // Of plots that are chosen among, the chosen ones.
+      const bare = [...figure.querySelectorAll(".panel")].some((panel) => !panel.closest("[hidden]") && !panel.querySelector("svg"));
+      if (!figure.matches(".animation") && bare) found.push(`a panel of ${this.name(figure)} is empty`);
     }
     return found;
   },

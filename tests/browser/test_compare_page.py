@@ -344,3 +344,40 @@ def test_numbers_of_every_metric_are_those_of_the_results(page: Page) -> None:
                 )
             if metric.get("tolerance") is not None:
                 assert float(tolerance) == pytest.approx(metric["tolerance"], rel=0.051, abs=0)
+
+
+# Work and precision
+
+
+def test_the_chosen_quantity_is_drawn_against_cost_and_steps_and_no_other(page: Page) -> None:
+    figure = page.locator("#work-precision")
+    figure.scroll_into_view_if_needed()
+    choices = figure.locator(".choose select")
+    names = choices.locator("option").all_inner_texts()
+    assert {"position", "energy", "reaction"} <= set(names)
+    for name in ("energy", names[0]):
+        choices.select_option(name)
+        shown = figure.locator(".panels > div:visible")
+        assert {shown.nth(i).get_attribute("data-choice") for i in range(shown.count())} == {name}
+        axes = [shown.nth(i).locator("svg").text_content() or "" for i in range(shown.count())]
+        assert all(name in text for text in axes)
+        assert any("processor time" in text for text in axes)
+        assert any("steps" in text for text in axes)
+
+
+def test_a_zoom_of_cost_leaves_the_steps_as_they_are(page: Page) -> None:
+    figure = page.locator("#work-precision")
+    figure.scroll_into_view_if_needed()
+    drawings = figure.locator(".panels > div:visible svg")
+    texts = [drawings.nth(i).text_content() for i in range(2)]
+    box = drawings.nth(0).bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.4 * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], y)
+    page.mouse.up()
+    after = [drawings.nth(i).text_content() for i in range(2)]
+    assert after[0] != texts[0] and after[1] == texts[1]
+    figure.locator("button.whole").click()
+    assert [drawings.nth(i).text_content() for i in range(2)] == texts
