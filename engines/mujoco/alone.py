@@ -71,7 +71,7 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
         return recorded
 
 
-def model_text(mechanism: Mechanism, options: MujocoOptions) -> str:
+def model_text(mechanism: Mechanism, options: MujocoOptions, *, sensors: bool = True) -> str:
     """The mechanism as MJCF, with those options that are not MuJoCo's defaults."""
     stiffness = scaled_solref(options.timestep, options.integrator)
     numerics = Numerics(
@@ -90,7 +90,8 @@ def model_text(mechanism: Mechanism, options: MujocoOptions) -> str:
     changed = {
         name: value for name, value in vars(numerics).items() if value != getattr(_DEFAULTS, name)
     }
-    return mjcf(mechanism, options.timestep, variant=Variant(numerics=Numerics(**changed)))
+    variant = Variant(numerics=Numerics(**changed), sensors=sensors)
+    return mjcf(mechanism, options.timestep, variant=variant)
 
 
 def script(problem: Problem, options: MujocoOptions) -> str:

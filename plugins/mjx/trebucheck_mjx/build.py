@@ -80,22 +80,12 @@ class Built:
         """
         jax.config.update("jax_enable_x64", double)
         self.mechanism, self.timestep = mechanism, timestep
-        spec = mujoco.MjSpec.from_string(mjcf(mechanism, timestep))
-        for sensor in [each for each in spec.sensors if each.type in _NOT_IN_MJX]:
-            spec.delete(sensor)
-        self.model: Any = spec.compile()
+        self.model = without_sensors(mjcf(mechanism, timestep))
         self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         self.sums = absolute_from_relative(mechanism, self.model)
         """C with q = start + C qpos and u = C qvel, shape (n_q, n_v)."""
         self.differences = np.linalg.inv(self.sums)
-        data = mujoco.MjData(self.model)
-        mujoco.mj_resetDataKeyframe(self.model, data, self.model.key("home").id)
-        try:
-            self.on_device, self.data = mjx.put_model(self.model), mjx.put_data(self.model, data)
-        except NotImplementedError as error:
-            raise UnsupportedProblemError(
-                f"mjx cannot build {mechanism.name!r}: {error}"
-            ) from error
+        self.on_device, self.data = on_device(self.model, mechanism)
         # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer
         # than a step.
         self._dynamics = jax.jit(partial(_dynamics, self.on_device, self.data))
@@ -131,6 +121,28 @@ class Built:
         j, v = self.joint_state(q, u)
         positions, speeds, self._warm = self._step(j, v, np.zeros_like(v), self._warm, step)
         return self.coordinates_of(positions, speeds)
+
+
+def without_sensors(text: str) -> Any:
+    """MuJoCo's model of an MJCF text without the sensors that MJX has not."""
+    spec = mujoco.MjSpec.from_string(text)
+    for sensor in [each for each in spec.sensors if each.type in _NOT_IN_MJX]:
+        spec.delete(sensor)
+    return spec.compile()
+
+
+def on_device(model: Any, mechanism: Mechanism) -> tuple[Any, Any]:
+    """MJX's model and its data at the start.
+
+    Raises:
+        UnsupportedProblemError: MJX has not what the model needs; its own words.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    try:
+        return mjx.put_model(model), mjx.put_data(model, data)
+    except NotImplementedError as error:
+        raise UnsupportedProblemError(f"mjx cannot build {mechanism.name!r}: {error}") from error
 
 
 def _placed(data: Any, positions: Any, speeds: Any, forces: Any) -> Any:

@@ -1,0 +1,210 @@
+"""MJX by itself: its model, its step from start to end, and what is read of it.
+
+The model is the MJCF of MuJoCo by itself (:mod:`trebucheck.engines.mujoco.alone`): stops on angles
+are limits, stops on points contacts, loops equalities and contacts, springs tendons. MJX moves it
+without sensors; those that it has are read afterwards, state by state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.mujoco.alone import model_text
+from trebucheck.engines.mujoco.build import Limit, compiled, stop_constraints
+from trebucheck.engines.mujoco.options import MujocoOptions
+from trebucheck.engines.mujoco.read import IN_PLANE, absolute_from_relative
+from trebucheck.engines.protocol import Recording
+from trebucheck.engines.reading import timed_reading
+from trebucheck.engines.study import filled_template
+from trebucheck.models.applied_forces import AppliedForces
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.mjcf.writer import mjcf_names, position_sensor, velocity_sensor
+from trebucheck.models.problem import Problem
+from trebucheck.models.trajectory import PointMotion
+from trebucheck_toolkit.constrained import subtree_sums
+
+from .build import jax, mjx, on_device, without_sensors
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Readings in n states."""
+
+    mass: FloatArray
+    """Full mass matrix, shape (n, n_v, n_v)."""
+    rows: FloatArray
+    """Forces of the constraint rows: equalities, limits of joints, of tendons, contacts (n, m)."""
+    geoms: FloatArray
+    """The two geoms of each contact, shape (n, n_contact, 2)."""
+    sensors: FloatArray
+    centres: FloatArray
+    """World positions of the bodies' centres of mass [m], shape (n, n_body, 3)."""
+    internal: FloatArray
+    """Force of each body's parent on it, world frame [N], shape (n, n_body, 3)."""
+
+
+def run_alone(problem: Problem, options: MujocoOptions, *, double: bool) -> Recording:
+    """Step MJX from the start to a problem's end or just beyond, and read the states.
+
+    Raises:
+        SimulationError: MuJoCo refused the model.
+        UnsupportedProblemError: MJX has not what the model needs.
+    """
+    mechanism, steps = problem.mechanism, whole_steps(problem.duration, options.timestep)
+    jax.config.update("jax_enable_x64", double)
+    model = compiled(mechanism, model_text(mechanism, options, sensors=False))
+    positions, speeds = _moved(model, mechanism, steps, double=double)
+    return _recording(problem, options, model, positions, speeds)
+
+
+@timed_reading()
+def _recording(
+    problem: Problem, options: MujocoOptions, model: Any, positions: FloatArray, speeds: FloatArray
+) -> Recording:
+    """Read the states after each step, positions and speeds of MuJoCo's joints."""
+    mechanism, steps = problem.mechanism, len(positions) - 1
+    sums = absolute_from_relative(mechanism, model)
+    q, u = np.array(mechanism.start) + positions @ sums.T, speeds @ sums.T
+    times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
+
+    text = model_text(mechanism, options)
+    sensing = without_sensors(text)
+    seen = _seen(sensing, mechanism, positions, speeds)
+    torques = _torques(mechanism, compiled(mechanism, text), seen, positions)
+    names, applied = mjcf_names(mechanism), AppliedForces(Kinematics(mechanism))
+
+    def sensor(name: str) -> FloatArray:
+        start = int(sensing.sensor(names[name]).adr[0])
+        return seen.sensors[:, start : start + 3][:, IN_PLANE]
+
+    weight = sensing.body_mass[:, None] * sensing.opt.gravity
+    events = ContactEvents(mechanism, "mjx")
+    note_own_releases(events, times, torques)
+    return Recording(
+        t=times,
+        q=q,
+        u=u,
+        markers={
+            m.name: PointMotion(sensor(position_sensor(m.name)), sensor(velocity_sensor(m.name)))
+            for m in mechanism.markers
+        },
+        kinetic_energy=0.5 * np.einsum("ni,nij,nj->n", speeds, seen.mass, speeds),
+        potential_energy=applied.potential_energy(q) - np.einsum("ij,nij->n", weight, seen.centres),
+        stop_torques=torques,
+        release_times=events.releases,
+        joint_reactions=_reactions(mechanism, sensing, seen, applied.on_bodies(q, u)),
+        steps=steps,
+    )
+
+
+def script(problem: Problem, options: MujocoOptions, *, double: bool) -> str:
+    """The run of :func:`run_alone` as a program of its own."""
+    mechanism = problem.mechanism
+    text = model_text(mechanism, options, sensors=False)
+    sums = absolute_from_relative(mechanism, compiled(mechanism, text))
+    return filled_template(
+        __name__,
+        "alone.py.j2",
+        mjcf=text,
+        double=double,
+        steps=whole_steps(problem.duration, options.timestep),
+        start=mechanism.start,
+        sums=sums.tolist(),
+    )
+
+
+def _moved(
+    model: Any, mechanism: Mechanism, steps: int, *, double: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Positions and speeds of MuJoCo's joints at the start and after each step."""
+    mjx_model, data = on_device(model, mechanism)
+    start = model.key_qpos[0].copy(), model.key_qvel[0].copy()
+    if double:
+        # A step gives some indices back in 64 bits, and a scan takes no change of types.
+        after = jax.eval_shape(lambda data: mjx.step(mjx_model, data), data)
+        data = jax.tree.map(lambda value, like: jax.numpy.asarray(value, like.dtype), data, after)
+
+    def step(data: Any, _: None) -> tuple[Any, tuple[Any, Any]]:
+        data = mjx.step(mjx_model, data)
+        return data, (data.qpos, data.qvel)
+
+    _, states = jax.jit(lambda data: jax.lax.scan(step, data, length=steps))(data)
+    positions, speeds = (
+        np.concatenate([first[None], np.asarray(rest, dtype=np.float64)])
+        for first, rest in zip(start, states, strict=True)
+    )
+    return positions, speeds
+
+
+def _seen(model: Any, mechanism: Mechanism, positions: FloatArray, speeds: FloatArray) -> Seen:
+    """Readings in the states of a run; the solver starts each from the one before."""
+    mjx_model, data = on_device(model, mechanism)
+
+    def look(warm: Any, state: tuple[Any, Any]) -> tuple[Any, tuple[Any, ...]]:
+        placed = data.replace(qpos=state[0], qvel=state[1], qacc_warmstart=warm)
+        seen = mjx.forward(mjx_model, placed)
+        # `forward` leaves internal forces, and with them force sensors, at zero.
+        internal = mjx.rne_postconstraint(mjx_model, seen)._impl.cfrc_int[:, 3:]
+        of_rows = seen._impl.efc_force, seen._impl.contact.geom
+        mass = mjx.full_m(mjx_model, seen)
+        return seen.qacc, (mass, *of_rows, seen.sensordata, seen.xipos, internal)
+
+    as_number = partial(jax.numpy.asarray, dtype=data.qpos.dtype)
+    states = as_number(positions), as_number(speeds)
+    _, found = jax.jit(partial(jax.lax.scan, look))(data.qacc_warmstart, states)
+    return Seen(*(np.asarray(each, dtype=np.float64) for each in found))
+
+
+def _torques(
+    mechanism: Mechanism, model: Any, seen: Seen, positions: FloatArray
+) -> dict[str, FloatArray]:
+    """Torque or force of each stop [N m, N], from the row of its limit or contact.
+
+    MJX has a row for each limit and contact of the model, also where it does not act.
+    """
+    limited = {
+        "jnt": np.flatnonzero(model.jnt_limited).tolist(),
+        "tendon": np.flatnonzero(model.tendon_limited).tolist(),
+    }
+    contacts = [frozenset(pair) for pair in seen.geoms[0].astype(int).tolist()]
+    first_contact = seen.rows.shape[1] - len(contacts)
+    first = {"tendon": first_contact - len(limited["tendon"])}
+    first["jnt"] = first["tendon"] - len(limited["jnt"])
+    torques = dict[str, FloatArray]()
+    for name, stop in stop_constraints(mechanism, model).items():
+        if isinstance(stop, Limit):
+            row = first[stop.element] + limited[stop.element].index(stop.index)
+        else:
+            row = first_contact + contacts.index(frozenset(stop.geoms))
+        torques[name] = stop.torque(seen.rows[:, row], positions)
+    return torques
+
+
+def _reactions(
+    mechanism: Mechanism, model: Any, seen: Seen, applied: Mapping[str, FloatArray]
+) -> dict[str, FloatArray]:
+    """Force of each joint on its child [N], without what springs do to the bodies beyond it.
+
+    A joint that closes a loop is on a massless body welded to its child: the internal force there
+    is the opposite of the joint's.
+    """
+    names = mjcf_names(mechanism)
+
+    def internal(body: str) -> FloatArray:
+        return seen.internal[:, int(model.body(names[body]).id)][:, IN_PLANE]
+
+    beyond = subtree_sums(mechanism, applied)
+    reactions = {
+        joint.name: internal(joint.child) - beyond[joint.name]
+        for joint in mechanism.tree_joints
+        if joint.held_directions
+    }
+    of_loops = {joint.name: -internal(f"{joint.name}/point") for joint in mechanism.loop_joints}
+    return reactions | of_loops
