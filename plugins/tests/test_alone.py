@@ -30,6 +30,9 @@ class Case:
 
 
 CASES: Mapping[str, Case] = {
+    "dart": Case(
+        frozenset({"timestep"}), ("fixed", "rolling", "three-cranks", "motor", "spring-pendulum")
+    ),
     "pybullet": Case(
         frozenset({"timestep", "solver_iterations", "solver_threshold", "max_joint_velocity"})
         | {"linear_damping", "angular_damping"},

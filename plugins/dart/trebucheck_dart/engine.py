@@ -9,13 +9,12 @@ from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import LIMITED, MOVED, Supplied
+from trebucheck.engines.supplied import MOVED, Assistance, Part, Supplied, all_by
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import EventDriver
-from trebucheck_toolkit.joint_tree import LimitedMotion, TreeMotion
-from trebucheck_toolkit.plain_run import plain_run
+from trebucheck_toolkit.joint_tree import TreeMotion
 
 from .study import STUDY
 
@@ -27,7 +26,12 @@ class DartEngine(BuiltinEngine):
     that close loops are constraint multipliers on them, and events are located by trebucheck's
     driver.
 
-    The default preset is `World.step` with DART's joint limits, every other setting DART's default.
+    By itself (`mode="step"`, :mod:`.alone`) it is `World.step` from start to end, with limits of
+    DART's joints and its ball-joint constraints. DART enforces a limit only where it is asked to,
+    which the adapter does. Limits stay in the skeleton whatever the law: it keeps to release-once
+    only while no stop is met again. A stop is read as released at the end of the first step after
+    which its limit has no torque. Its step has no options but its length, so that the presets
+    `default` and `settings` are the same.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -46,6 +50,12 @@ class DartEngine(BuiltinEngine):
         features=frozenset(Feature),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}
+    settings_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}
+    assistance: ClassVar[tuple[Assistance, ...] | None] = all_by("mode", "step", MOVED)
+    readings: ClassVar[Supplied] = {
+        Part.ELEMENTS: "forces of loads and of springs on no joint, given before each step",
+        Part.TORQUES: "from the speeds that limits change",
+    }
 
     mode: Literal["dynamics", "step"] = Field(
         default="dynamics",
@@ -54,28 +64,30 @@ class DartEngine(BuiltinEngine):
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """DART's own steps are of trees, with limits of joints, without restitution."""
+        """Elements that the adapter builds none of DART's for, in DART's own steps."""
         return (
-            frozenset()
-            if self.mode == "dynamics"
-            else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+            frozenset() if self.mode == "dynamics" else frozenset({Basic.POINT_STOP, Basic.REBOUND})
         )
 
     @property
     def supplied(self) -> Supplied:
-        """Assistance: in `World.step` limits are DART's; torques come from speed changes."""
-        return MOVED if self.mode == "dynamics" else LIMITED
+        """All but the dynamics; by itself what is read off DART's steps, and given forces."""
+        return MOVED if self.mode == "dynamics" else self.readings
 
     def _run(self, problem: Problem) -> Recording:
+        if self.mode == "step":
+            from .alone import run_alone
+
+            return run_alone(problem, self)
         from .tree import DartTree
 
-        if self.mode == "step":
-            tree = DartTree(problem.mechanism, self.timestep)
-            motion = LimitedMotion(problem, tree, self.timestep, "dart's own step")
-            return plain_run(problem, motion, self.name, self.timestep)
-        return EventDriver(
-            problem, TreeMotion(DartTree(problem.mechanism)), self.name, self.timestep
-        ).run()
+        motion = TreeMotion(DartTree(problem.mechanism))
+        return EventDriver(problem, motion, self.name, self.timestep).run()
+
+    def _script(self, problem: Problem) -> str:
+        from .alone import script
+
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and accelerations in each state."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
     REFINEMENT,
+    SETTINGS_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
@@ -18,8 +19,8 @@ from trebucheck.engines.study import (
 )
 from trebucheck_toolkit.scheme_tables import (
     EULER_STEPS,
-    EULER_TOLERANCES,
     RK4_LOCATED,
+    euler_tolerances,
     located_tolerances,
 )
 
@@ -37,17 +38,23 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 
 STUDY = EngineStudy(
     causes=_causes,
-    step_orders={ASSISTED: RK4_LOCATED, DEFAULT: EULER_STEPS},
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
-    tolerances=(*located_tolerances(), *EULER_TOLERANCES),
+    step_orders={DEFAULT: EULER_STEPS, SETTINGS: EULER_STEPS, ASSISTED: RK4_LOCATED},
+    option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
+    tolerances=(
+        *located_tolerances(),
+        *euler_tolerances(DEFAULT),
+        *euler_tolerances(SETTINGS),
+    ),
     title="DART",
     binding="the Python wheel `dartpy`",
     maintainers_note=MaintainersNote(
-        chosen="Its own steps have no option but their length: semi-implicit Euler in joint "
-        "coordinates, order {{ plain.order }}.",
-        not_possible="Limits are on joints alone, and forces of constraints that close loops "
-        "are not told; our adapter builds no loops, no stops on points and no restitution "
-        "from DART's own elements.",
+        chosen="Its own steps have no option but their length, so that default and settings are "
+        "one: semi-implicit Euler in joint coordinates, order {{ alone.order }}; limits are "
+        "enforced, which DART does not do where it is not asked to.",
+        not_possible="Forces of constraints that close loops are not told; there are springs of "
+        "joints and none between points, so that their forces are given before each step; our "
+        "adapter closes loops by pins alone, and builds no stops on points and no restitution from "
+        "DART's own elements.",
         would_change="A step of higher order: the same mass matrix and forces are right to "
         "rounding, as the model check shows.",
     ),

@@ -27,7 +27,7 @@ from trebucheck.models.problem import Problem
 from trebucheck_toolkit.event_driver import Observation, Samples
 from trebucheck_toolkit.given_forces import GivenForces, program
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
-from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.joint_tree import JointLimits, torques_of_limits
 from trebucheck_toolkit.schemes import State
 
 from .build import loaded, urdf
@@ -55,7 +55,6 @@ OF_LINKS = {
     "angular_damping": "angularDamping",
     "max_joint_velocity": "maxJointVelocity",
 }
-_ROUNDING = 1e-9  # of the largest joint force of a step: what is left of a limit's by rounding
 
 
 @dataclass(frozen=True)
@@ -265,24 +264,20 @@ class _Reader:
         if not names:
             return {}
         speeds = [*(v for _, v in self.states[1:]), last]
-        rows = [self._pushing(names, *given) for given in zip(self.states, q, speeds, strict=True)]
+        rows = [self._pushing(*given) for given in zip(self.states, q, speeds, strict=True)]
         return dict(zip(names, np.array(rows).T, strict=True))
 
-    def _pushing(
-        self, names: list[str], state: State, q: FloatArray, after: FloatArray
-    ) -> list[float]:
+    def _pushing(self, state: State, q: FloatArray, after: FloatArray) -> list[float]:
         """Torques of the limits that change the speeds that a step without limits would give."""
         j, v = state
         self.free.place(j, v)
         self.free.step()
-        change = self.to.mechanism_speeds(after - self.free.state()[1]) / self.timestep
+        whole, by_limits = (
+            self.to.mechanism_speeds(after - before) / self.timestep
+            for before in (v, self.free.state()[1])
+        )
         mass = self.to.mass_matrix(self.tree.mass_matrix(j))
-        rows = [self.kinematics.gap_jacobian(name, q) for name in names]
-        held = np.concatenate([np.array(rows), self.kinematics.loop_jacobian(q)])
-        forces = np.linalg.lstsq(held.T, mass @ change)[0]
-        whole = np.abs(mass @ (self.to.mechanism_speeds(after - v) / self.timestep)).max()
-        pushing = forces[: len(names)]
-        return np.where(pushing > _ROUNDING * whole, pushing, 0.0).tolist()
+        return torques_of_limits(self.kinematics, mass, q, whole, by_limits)
 
     def observation(self, k: int, state: State) -> Observation:
         """Points and energies in a state, and the joint forces of the step from it."""

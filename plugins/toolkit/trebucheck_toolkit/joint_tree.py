@@ -200,6 +200,30 @@ class JointLimits:
 _ROUNDING = 1e-9  # of the largest term of a limit's torque: what is left of it by rounding
 
 
+def torques_of_limits(
+    kinematics: Kinematics,
+    mass_matrix: FloatArray,
+    q: FloatArray,
+    whole: FloatArray,
+    by_limits: FloatArray,
+) -> list[float]:
+    """Torque of each stop in a step from the speeds that limits change [N m], zero if it pulls.
+
+    Args:
+        kinematics: of the mechanism.
+        mass_matrix: of its coordinates, shape (n_q, n_q).
+        q: its coordinates before the step.
+        whole: change of its speeds in the step, over its length, shape (n_q,).
+        by_limits: the same, less that of a step without limits.
+    """
+    stops = kinematics.mechanism.stops
+    rows = [kinematics.gap_jacobian(stop.name, q) for stop in stops]
+    held = np.concatenate([np.array(rows), kinematics.loop_jacobian(q)])
+    pushing = np.linalg.lstsq(held.T, mass_matrix @ by_limits)[0][: len(stops)]
+    rounding = _ROUNDING * np.abs(mass_matrix @ whole).max()
+    return np.where(pushing > rounding, pushing, 0.0).tolist()
+
+
 class LimitedMotion(StepAhead):
     """A tree in its engine's own steps, for :func:`.plain_run.plain_run`.
 

@@ -1,0 +1,287 @@
+"""DART by itself: a skeleton in a world, its step from start to end, and what is read of it.
+
+Stops are limits of DART's joints, which it enforces where it is asked to, and stay in the skeleton
+whatever the law. Pins that close loops are its ball-joint constraints, torsion springs between
+bodies that a joint connects its joint springs; the forces of other springs, and of loads, are given
+to the body nodes before each step. What is DART's default is not set. :func:`script` gives the same
+run as a program.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import dartpy
+import numpy as np
+from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.protocol import Recording
+from trebucheck.engines.study import filled_template
+from trebucheck.models import elements
+from trebucheck.models.applied_forces import AppliedForces
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import GROUND
+from trebucheck.models.kinematics import Kinematics, initial_state
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
+from trebucheck_toolkit.event_driver import Observation, Samples
+from trebucheck_toolkit.given_forces import GivenForces, program
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.joint_tree import JointLimits, torques_of_limits
+from trebucheck_toolkit.schemes import State
+
+from .build import Skeleton, add_link, frame, inertia_of, links
+from .tree import DartTree
+
+if TYPE_CHECKING:
+    from .engine import DartEngine
+
+DARTS_STEP = 1e-3
+"""Step of a new world of DART's [s], which is not set."""
+
+
+class Alone(Skeleton):
+    """A mechanism in a world of DART's, at its present state."""
+
+    def __init__(self, mechanism: Mechanism, options: DartEngine, limited: bool = True) -> None:
+        """Build it at its start, with or without its limits."""
+        self.mechanism, self.to = mechanism, JointCoordinates(mechanism)
+        super().__init__(self.to)
+        if options.timestep != DARTS_STEP:
+            self.world.setTimeStep(options.timestep)
+        self.springs = _joint_springs(self.to)
+        for index, (stiffness, rest, damping) in self.springs.values():
+            self.moving[index].setRestPosition(0, rest)
+            self.moving[index].setSpringStiffness(0, stiffness)
+            self.moving[index].setDampingCoefficient(0, damping)
+        others = [each for each in mechanism.force_elements if each.name not in self.springs]
+        self.pushed = mechanism.model_copy(update={"force_elements": tuple(others)})
+        self.forces = GivenForces(self.pushed)
+        self.ranges = _ranges(self.to) if limited else {}
+        for index, (low, high) in self.ranges.items():
+            self.moving[index].setPositionLowerLimit(0, low)
+            self.moving[index].setPositionUpperLimit(0, high)
+            self.moving[index].setLimitEnforcement(True)
+        q, u = initial_state(mechanism)
+        self.place(self.to.positions(q), self.to.speeds(u))
+        self.world.addSkeleton(self.skeleton)
+        self.pins = [_CLOSING[joint](joint) for joint in mechanism.loop_joints]
+        for joint in self.pins:
+            self._close(joint)
+
+    def _close(self, joint: elements.PinJoint) -> None:
+        bodies = [self.bodies[name] for name in closing(joint)]
+        place = bodies[0].getWorldTransform().multiply(np.array([*pin_point(joint), 0.0]))
+        self.world.getConstraintSolver().addConstraint(
+            dartpy.constraint.BallJointConstraint(*bodies, place)
+        )
+
+    def state(self) -> State:
+        """The joint coordinates and speeds."""
+        return np.array(self.skeleton.getPositions()), np.array(self.skeleton.getVelocities())
+
+    def step(self) -> None:
+        """Take one step, under the forces of springs and loads at its start."""
+        if self.pushed.force_elements:
+            j, v = self.state()
+            q, u = self.to.mechanism_positions(j), self.to.mechanism_speeds(v)
+            self.forces.give(self, q, u)
+        self.world.step()
+
+    # --- Bodies, as forces are given to them
+
+    def centre(self, name: str) -> tuple[complex, complex]:
+        """Place [m] and velocity [m/s] of a body's centre of mass."""
+        node = self.bodies[name]
+        return complex(*node.getCOM()[:2]), complex(*node.getCOMLinearVelocity()[:2])
+
+    def push(self, name: str, place: complex, force: complex) -> None:
+        """Give a body a force [N] at a place [m] for the next step."""
+        self.bodies[name].addExtForce(
+            np.array([force.real, force.imag, 0.0]),
+            np.array([place.real, place.imag, 0.0]),
+            False,
+            False,
+        )
+
+    def twist(self, name: str, torque: float) -> None:
+        """Give a body a clockwise torque [N m] for the next step."""
+        self.bodies[name].addExtTorque(np.array([0.0, 0.0, -torque]), False)
+
+
+def closing(joint: elements.PinJoint) -> list[str]:
+    """Bodies that a pin connects, without the ground."""
+    return [name for name in (joint.child, joint.parent) if name != GROUND]
+
+
+def pin_point(joint: elements.PinJoint) -> tuple[float, float]:
+    """Point of the first body of :func:`closing`."""
+    return joint.parent_point if joint.child == GROUND else joint.child_point
+
+
+def _this(joint: elements.PinJoint) -> elements.PinJoint:
+    return joint
+
+
+_LOOPS = "our adapter closes loops by pins alone; DART has further joint constraints"
+_CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.ElementTable(
+    "dart by itself", elements.JOINTS, {elements.PinJoint: _this}, others=_LOOPS
+)
+
+
+def _ranges(to: JointCoordinates) -> dict[int, tuple[float, float]]:
+    limits = JointLimits(to, "dart")
+    return limits.ranges(limits.limits)
+
+
+_Spring = tuple[int, tuple[float, float, float]]
+
+
+def _joint_springs(to: JointCoordinates) -> dict[str, _Spring]:
+    """Springs that DART's joints have: their joint, stiffness, rest angle and damping, by name."""
+    found: dict[str, _Spring] = {}
+    taken: set[int] = set()
+    for element in to.mechanism.force_elements:
+        if not isinstance(element, elements.RotationalSpringDamper):
+            continue
+        for index, freedom in enumerate(to.freedoms):
+            ends = freedom.joint.child, freedom.joint.parent
+            if freedom.direction is None and set(ends) == set(element.bodies):
+                sense = 1.0 if element.body == freedom.joint.child else -1.0
+                if index not in taken:  # a joint has one spring
+                    law = element.stiffness, sense * element.rest_angle, element.damping
+                    found[element.name] = index, law
+                taken.add(index)
+    return found
+
+
+# --- A run
+
+
+def run_alone(problem: Problem, options: DartEngine) -> Recording:
+    """Step DART from the start to a problem's end or just beyond, and read it.
+
+    Forces at an instant are those of the step that begins there.
+
+    Raises:
+        UnsupportedProblemError: a loop is not closed by a pin, or a stop is on no joint.
+    """
+    mechanism = problem.mechanism
+    alone = Alone(mechanism, options)
+    reader = _Reader(alone, options)
+    steps = whole_steps(problem.duration, options.timestep)
+    times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
+    states: list[State] = []
+    for _ in times:
+        states.append(alone.state())
+        reader.see(states[-1])
+    j, v = (np.array(values) for values in zip(*states, strict=True))
+    q, u = alone.to.mechanism_positions(j), alone.to.mechanism_speeds(v)
+    speeds = np.concatenate([v[1:], alone.state()[1][None]])
+    efforts = reader.efforts(q, states, speeds)
+    samples, events = Samples(problem), ContactEvents(mechanism, "dart")
+    for k, time in enumerate(times):
+        contacts = {name: float(effort[k]) for name, effort in efforts.items()}
+        samples.add(float(time), (q[k], u[k]), contacts, reader.observation(k, states[k], q[k]))
+    samples.steps = steps
+    note_own_releases(events, times, efforts)
+    return samples.recording(events)
+
+
+class _Reader:
+    """Reads a run: joint forces while it goes on, the rest from its states, in other worlds."""
+
+    def __init__(self, alone: Alone, options: DartEngine) -> None:
+        self.alone, self.timestep, self.to = alone, options.timestep, alone.to
+        self.kinematics = Kinematics(alone.mechanism)
+        self.applied = AppliedForces(self.kinematics)
+        self.tree = DartTree(alone.mechanism)
+        self.free = Alone(alone.mechanism, options, limited=False)
+        self.joints = [each for each in alone.mechanism.tree_joints if each.held_directions]
+        self.forces: list[dict[str, FloatArray]] = []
+
+    def see(self, state: State) -> None:
+        """Take a step from a state, and note DART's body forces in it."""
+        nodes = {joint.name: self.alone.bodies[joint.child] for joint in self.joints}
+        turned = {
+            name: np.array(node.getWorldTransform().matrix())[:2, :2]
+            for name, node in nodes.items()
+        }
+        self.alone.step()
+        self.forces.append(
+            {name: turned[name] @ node.getBodyForce()[3:5] for name, node in nodes.items()}
+        )
+
+    def efforts(
+        self, q: FloatArray, states: list[State], speeds: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Torque of each limit in the step from each state [N m], from the speeds that it changes.
+
+        Args:
+            q: the mechanism's coordinates, shape (n, n_q).
+            states: of the joint coordinates.
+            speeds: of the joints after the steps, shape (n, n_q).
+        """
+        stops = self.alone.mechanism.stops
+        if not stops:
+            return {}
+        rows = [self._pushing(*given) for given in zip(states, q, speeds, strict=True)]
+        return dict(zip((stop.name for stop in stops), np.array(rows).T, strict=True))
+
+    def _pushing(self, state: State, q: FloatArray, after: FloatArray) -> list[float]:
+        j, v = state
+        self.free.place(j, v)
+        self.free.step()
+        whole, by_limits = (
+            self.to.mechanism_speeds(after - before) / self.timestep
+            for before in (v, self.free.state()[1])
+        )
+        mass = self.to.mass_matrix(self.tree.mass_matrix(j))
+        return torques_of_limits(self.kinematics, mass, q, whole, by_limits)
+
+    def observation(self, k: int, state: State, q: FloatArray) -> Observation:
+        """Points and energies in a state, and the joint forces of the step from it."""
+        j, v = state
+        seen = self.tree.observe(j, v, np.zeros_like(v))
+        energy = seen.potential_energy + float(self.applied.potential_energy(q))
+        return replace(seen, potential_energy=energy, reactions=self.forces[k])
+
+
+# --- The run as a program
+
+
+def script(problem: Problem, options: DartEngine) -> str:
+    """The run of :func:`run_alone` as a program of its own."""
+    mechanism = problem.mechanism
+    alone = Alone(mechanism, options)
+    q, u = initial_state(mechanism)
+    definitions, forces = program(alone.pushed)
+    return filled_template(
+        __name__,
+        "alone.py.j2",
+        gravity=[*mechanism.gravity_vector, 0.0],
+        timestep=options.timestep,
+        darts_step=DARTS_STEP,
+        steps=whole_steps(problem.duration, options.timestep),
+        definitions=[inspect.getsource(each) for each in (frame, inertia_of, add_link)],
+        links=[tuple(link) for link in links(alone.to)],
+        springs=list(alone.springs.values()),
+        ranges={
+            index: [
+                text if math.isfinite(value) else f"float('{text}')"
+                for value in ends
+                for text in [repr(value)]
+            ]
+            for index, ends in alone.ranges.items()
+        },
+        start=alone.to.positions(q).tolist(),
+        start_speeds=alone.to.speeds(u).tolist(),
+        pins=[(closing(joint), [*pin_point(joint), 0.0]) for joint in alone.pins],
+        offsets=alone.to.offsets.tolist(),
+        sums=alone.to.sums.tolist(),
+        force_definitions=definitions if forces else [],
+        forces=forces,
+    )
