@@ -47,6 +47,11 @@ CASES: Mapping[str, Case] = {
         | {"linear_slop", "angular_slop", "allow_sleep"},
         ("fixed", "slider-crank", "spring-pendulum", "bead"),
     ),
+    "opensim": Case(
+        frozenset({"timestep", "integrator", "accuracy", "samples"})
+        | {"limit_stiffness", "limit_damping", "limit_transition"},
+        ("fixed", "rolling", "slider-crank", "squeezer", "spring-pendulum", "damped-oscillator"),
+    ),
     # Each run of it is compiled for some ten seconds.
     "mjx": Case(
         frozenset({"timestep", "precision", "integrator", "solver", "tolerance", "iterations"})

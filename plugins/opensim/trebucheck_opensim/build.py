@@ -22,7 +22,13 @@ osim.Logger.setLevelString("error")
 class Built:
     """A mechanism's model, and a state of it."""
 
-    def __init__(self, mechanism: Mechanism, add: Callable[[Built], None] | None = None) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        add: Callable[[Built], None] | None = None,
+        *,
+        actuated: bool = True,
+    ) -> None:
         """Build the model; `add` adds to it before it is finished."""
         self.mechanism = mechanism
         self.coordinates = JointCoordinates(mechanism)
@@ -34,7 +40,8 @@ class Built:
         self._names: dict[int, str] = {}
         for body, joint in self.coordinates.links:
             self._add(body, joint)
-        self.actuators = [self._actuator(name) for _, name in sorted(self._names.items())]
+        actuated_names = sorted(self._names.items()) if actuated else []
+        self.actuators = [self._actuator(name) for _, name in actuated_names]
         """A generalized force on each joint coordinate, zero unless it is set in a state."""
         if add is not None:
             add(self)

@@ -4,60 +4,102 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
+    HALF_THE_STEP,
     REFINEMENT,
+    SETTINGS_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
     Intervention,
     MaintainersNote,
+    OptionSet,
+    Refinement,
+    multiplied,
     time_step_cause,
+    with_readout,
 )
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
 from trebucheck_toolkit.scheme_tables import error_controlled, located_tolerances
+
+PYTHON = "OpenSim in Python"
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    return (
+    accuracy = Cause(
+        "accuracy",
+        "the local error that the integrator is asked for",
+        Intervention({"samples": "steps", "accuracy": min(1e-12, float(settings["accuracy"]))}),
+    )
+    step = time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT})
+    if settings["limits"] == "locks":
+        return with_readout(accuracy, step)
+    return with_readout(
         Cause(
             "limit forces",
             "stops are springs with dampers, which give way and begin without force",
-            Intervention({"limits": "locks"}),
+            Intervention({"limits": "locks", "samples": "steps"}),
         ),
-        Cause(
-            "accuracy",
-            "the local error that the integrator is asked for",
-            Intervention({"accuracy": 1e-12}),
-        ),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+        accuracy,
+        step,
     )
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
 
 
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        ASSISTED: error_controlled("Runge-Kutta-Merson: the step is only an upper bound"),
         DEFAULT: error_controlled(
+            "Runge-Kutta-Merson in steps of its own, whatever the time step: errors follow the "
+            "accuracy"
+        ),
+        SETTINGS: error_controlled(
             "Runge-Kutta-Merson, stops as springs: the step is only an upper bound"
         ),
+        ASSISTED: error_controlled("Runge-Kutta-Merson: the step is only an upper bound"),
     },
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
+    refinements=(
+        HALF_THE_STEP,
+        Refinement("accuracy", "a hundredth of the accuracy", multiplied("accuracy", 0.01)),
+    ),
+    option_sets=(
+        DEFAULT_SET,
+        OptionSet(
+            "accuracy of 1e-6",
+            "default, with a state at every step and an accuracy of 1e-6",
+            DEFAULT,
+            {"accuracy": 1e-6, "samples": "steps"},
+        ),
+        SETTINGS_SET,
+        ASSISTED_SET,
+    ),
     tolerances=located_tolerances(
         4,
         "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11",
     ),
+    snippets=_snippets,
     title="OpenSim",
     binding="the Python wheel `opensim`, with its own build of Simbody",
     maintainers_note=MaintainersNote(
-        chosen="Simbody's error control to a finer accuracy, with a coordinate locked while "
-        "its stop holds: `CoordinateLimitForce` begins without force and chatters. "
-        "{{ plain.agrees }} problems agree without that, {{ best.agrees }} with it.",
-        not_possible="Our adapter builds loops, springs, motors and stops that are on no "
-        "joint as multipliers and forces of its own, not as Simbody's constraints and forces.",
-        would_change="An adapter that builds them as Simbody's, and a limit that starts with "
-        "its load.",
+        chosen="Its default is a Manager of which nothing is set, with the softest "
+        "`CoordinateLimitForce`, as it is made; a finer accuracy, a state at every step and "
+        "stiffer limits are what options add: of the free swing "
+        "{{ plain.error('free-swing', 'position') }} by itself, "
+        "{{ alone.error('free-swing', 'position') }} with its options.",
+        not_possible="A limit force begins without its load, chatters and has no restitution; our "
+        "adapter builds no contacts, and no loops that hold an angle, though OpenSim has both. "
+        "Small steps halt at a singular position of a loop, which long ones pass over.",
+        would_change="A limit that starts with its load, and an adapter that builds contacts and "
+        "welds in loops.",
     ),
     colour="#a0522d",
 )
