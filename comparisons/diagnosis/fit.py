@@ -19,7 +19,7 @@ the motion is fast.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +36,7 @@ from .faults import Fault, gross_faults, hypotheses, once_a_mechanism
 from .rank import EXACT
 
 _STEP = 1e-6  # of a state, in parts of its size, for central differences
-_WINDOWS = (0.08, 0.3, 1.0)  # parts of the motion to which suspects are fitted to first order
+WINDOWS = (0.08, 0.3, 1.0)  # parts of the motion to which suspects are fitted to first order
 _SOLVED = 3  # suspects of each window that are then solved
 _ALIKE = 6  # that are, where so many account for all of it
 _CORRECTIONS = 6
@@ -63,10 +63,36 @@ def first_order(solution: Solution, faulty: Sequence[Equations], t: FloatArray) 
     start = np.concatenate(initial_state(solution.problem.mechanism))
     starts = [np.concatenate(initial_state(equations.mechanism)) for equations in faulty]
     s = np.stack([wrong - start for wrong in starts], axis=1)
+
+    def forcing(segment: Segment, times: FloatArray, y: FloatArray) -> FloatArray:
+        """Rates that each fault adds in the same state."""
+        n = y.shape[1] // 2
+        own = solution.equations.solve(y[:, :n], y[:, n:], segment.closed)[0]
+        added = np.zeros((len(times), 2 * n, len(faulty)))
+        for k, equations in enumerate(faulty):
+            added[:, n:, k] = equations.solve(y[:, :n], y[:, n:], segment.closed)[0] - own
+        return added
+
+    return response(solution, s, forcing, t)
+
+
+Forcing = Callable[[Segment, FloatArray, FloatArray], FloatArray]
+"""Rates that are added in states y (n, 2 n_q) of a segment at times (n,); (n, 2 n_q, n_added)."""
+
+
+def response(solution: Solution, s: FloatArray, forcing: Forcing, t: FloatArray) -> FloatArray:
+    """Change of the state (q, u) by small rates that are added, shape (n_added, n_t, 2 n_q).
+
+    Args:
+        solution: the reference's, without impacts up to the last time.
+        s: change at the start, shape (2 n_q, n_added).
+        forcing: the rates.
+        t: ascending times [s], shape (n_t,).
+    """
     nodes, changes = [np.zeros(1)], [s[None]]
     for segment in solution.segments:
         if segment.start < t[-1]:
-            ends, grown = _along(segment, solution.equations, faulty, t, s)
+            ends, grown = _along(segment, solution.equations, forcing, t, s)
             nodes.append(ends)
             changes.append(grown)
             s = grown[-1]
@@ -75,9 +101,9 @@ def first_order(solution: Solution, faulty: Sequence[Equations], t: FloatArray) 
 
 
 def _along(
-    segment: Segment, right: Equations, faulty: Sequence[Equations], t: FloatArray, s: FloatArray
+    segment: Segment, right: Equations, forcing: Forcing, t: FloatArray, s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Ends of m intervals of a segment [s], and the change there, shape (m, 2 n_q, n_faulty)."""
+    """Ends of m intervals of a segment [s], and the change there, shape (m, 2 n_q, n_added)."""
     end = min(segment.end, float(t[-1]))
     ends = [np.array([segment.start, end])]
     for inside in (t, segment.interpolant.ts):
@@ -88,8 +114,8 @@ def _along(
     y = np.asarray(segment.interpolant(times)).T
     n = y.shape[1] // 2
 
-    def accelerations(equations: Equations, y: FloatArray) -> FloatArray:
-        return equations.solve(y[..., :n], y[..., n:], segment.closed)[0]
+    def accelerations(y: FloatArray) -> FloatArray:
+        return right.solve(y[:, :n], y[:, n:], segment.closed)[0]
 
     # d(u, a)/dy by central differences, shape (2 m + 1, 2 n_q, 2 n_q)
     size = np.concatenate([np.ones(n), np.full(n, np.abs(y[:, n:]).max() or 1.0)])
@@ -98,21 +124,16 @@ def _along(
     for k, step in enumerate(_STEP * size):
         shift = np.zeros(2 * n)
         shift[k] = step
-        ahead, behind = (accelerations(right, y + sign * shift) for sign in (1, -1))
+        ahead, behind = (accelerations(y + sign * shift) for sign in (1, -1))
         jacobian[:, n:, k] = (ahead - behind) / (2 * step)
-    # Rates that each fault adds in the same state, shape (2 m + 1, 2 n_q, n_faulty)
-    own = accelerations(right, y)
-    forcing = np.zeros((len(y), 2 * n, len(faulty)))
-    for k, equations in enumerate(faulty):
-        forcing[:, n:, k] = accelerations(equations, y) - own
-
+    added = forcing(segment, times, y)
     grown: list[FloatArray] = []
     for m, h in enumerate(times[2::2] - times[:-2:2]):
         i = 2 * m
-        k1 = jacobian[i] @ s + forcing[i]
-        k2 = jacobian[i + 1] @ (s + 0.5 * h * k1) + forcing[i + 1]
-        k3 = jacobian[i + 1] @ (s + 0.5 * h * k2) + forcing[i + 1]
-        k4 = jacobian[i + 2] @ (s + h * k3) + forcing[i + 2]
+        k1 = jacobian[i] @ s + added[i]
+        k2 = jacobian[i + 1] @ (s + 0.5 * h * k1) + added[i + 1]
+        k3 = jacobian[i + 1] @ (s + 0.5 * h * k2) + added[i + 1]
+        k4 = jacobian[i + 2] @ (s + h * k3) + added[i + 2]
         s = s + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         grown.append(s)
     return nodes[1:], np.array(grown)
@@ -165,7 +186,7 @@ def fitting_faults(case: Case) -> list[RankedCause]:
     """The faults that fit the deviation, each as large as it fits best."""
     signatures = _signatures(case)
     best: dict[str, Fit] = {}
-    for part in _WINDOWS:
+    for part in WINDOWS:
         for lead in _leads(case, signatures, part):
             solved, group = _solved(case, lead, part), lead.fault.group
             if solved is not None:
@@ -224,7 +245,7 @@ def _leads(
     case: Case, signatures: Sequence[tuple[Fault, FloatArray]], part: float
 ) -> Iterator[_Lead]:
     """The groups that fit the first part of the motion best, each by the best of its faults."""
-    n, leads = _first(case, part), list[_Lead]()
+    n, leads = first_part(case, part), list[_Lead]()
     for fault, readings in signatures:
         fits = [fit(case.deviation[:n], components[:, :n]) for components in readings]
         best = max(range(len(fits)), key=lambda k: fits[k][1])
@@ -239,14 +260,14 @@ def _leads(
         yield from (member for member in members if member.explained > worth)
 
 
-def _first(case: Case, part: float) -> int:
+def first_part(case: Case, part: float) -> int:
     """Tell how many values of a signature belong to the first part of the motion."""
     return max(1, round(part * len(case.t))) * (len(case.deviation) // len(case.t))
 
 
 def _share(case: Case, signature: FloatArray, part: float) -> float:
     """Share of the deviation in the first part of the motion that a signature explains."""
-    n = _first(case, part)
+    n = first_part(case, part)
     return share_of(case.deviation[:n], signature[:n])
 
 
@@ -257,7 +278,7 @@ def _solved(case: Case, lead: _Lead, part: float) -> Fit | None:
     wrong by much may be of no use as a measure of a size at the end.
     """
     best: Fit | None = None
-    factors, windows = lead.factors, [other for other in _WINDOWS if other >= part]
+    factors, windows = lead.factors, [other for other in WINDOWS if other >= part]
     corrections, patience = _CORRECTIONS, PATIENCE
     if lead.explained <= _HOPELESS:
         corrections, patience = 1, _IMPATIENCE
@@ -279,7 +300,7 @@ def _solved(case: Case, lead: _Lead, part: float) -> Fit | None:
             break
         before = max(before, here)
         # One number is corrected by the secant through zero, several to first order.
-        n = _first(case, windows[0])
+        n = first_part(case, windows[0])
         if len(factors) == 1:
             factors = factors * fit(case.deviation[:n], signature[None, :n])[0]
         else:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
 
 from ...engines.presets import ASSISTED
 from ...engines.protocol import Engine
-from ...engines.registry import causes_of, with_options
+from ...engines.registry import causes_of, engine_study, with_options
 from ...engines.registry import engine as make
 from ...engines.study import Options
 from ...models.arrays import FloatArray
@@ -28,12 +28,13 @@ Simulate = Callable[[Engine, Problem], Trajectory]
 _STEP = "timestep"
 # Share that an eighth of the step takes out of a first-order error: 7/8, rounded
 _FIRST_ORDER = 0.8
-_MOST_OF_IT = 0.5  # share of a deviation from which on a cause may be one of two
+_MOST_OF_IT = 0.5  # share of a deviation from which on a cause may be one of several
+_TOGETHER = 4  # causes at most that are taken out together
 
 
 @dataclass(frozen=True)
 class _Setting:
-    """Options that take out one cause, or two."""
+    """Options that take out one cause, or several."""
 
     name: str
     amount: str
@@ -54,35 +55,70 @@ class Rerun:
 
     engine: Engine
     simulate: Simulate
+    _known: dict[str, RankedCause] = field(default_factory=dict[str, RankedCause], init=False)
+    """What each setting alone explains, by its name, once it has been run."""
+
+    def of_the_step(self, case: Case) -> Iterator[RankedCause]:
+        """The engine's own integrator at its step, by what vanishes with a finer one."""
+        for setting in _other_settings(self.engine, case.mechanism):
+            if _STEP in setting.options:
+                cause = self._alone(case, setting)
+                if cause.explained > 0:
+                    yield cause
 
     def causes(self, case: Case) -> Iterator[RankedCause]:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
 
-        Where none does alone, what explains most is taken out with each of the others.
+        Where none does alone, what explains most is taken out with each of the others, and so on.
         """
         size = float(np.linalg.norm(case.deviation))
         most, best = 0.0, None
         settings = tuple(_other_settings(self.engine, case.mechanism))
         for setting in settings:
+            cause = self._alone(case, setting)
+            if cause.explained > 0:
+                yield cause
+            if cause.explained > most:
+                most, best = cause.explained, setting
+        together = 1
+        while best is not None and _MOST_OF_IT < most < SUFFICIENT and together < _TOGETHER:
+            joined: list[tuple[float, _Setting]] = []
+            for other in settings:
+                if best.options.keys().isdisjoint(other.options):
+                    both = best.with_other(other)
+                    left = self._left(case, both.options)
+                    explained = 0.0 if left is None else _share(left, size)
+                    if 1.0 - explained < (1.0 - most) / 2:
+                        joined.append((explained, both))
+                        yield both.cause(explained)
+            most, best = max(joined, key=lambda found: found[0], default=(0.0, None))
+            together += 1
+
+    def _alone(self, case: Case, setting: _Setting) -> RankedCause:
+        """What a setting takes out alone; of a step, with the order by which the error falls."""
+        if setting.name not in self._known:
+            size = float(np.linalg.norm(case.deviation))
             left = self._left(case, setting.options)
             explained = 0.0 if left is None else _share(left, size)
             partly = _STEP in setting.options and _FIRST_ORDER < explained < SUFFICIENT
             if left is not None and partly:
                 rest = self._beside_the_step(case, setting.options, left)
                 explained = max(explained, 1.0 - rest / size)
-            if explained > 0:
-                yield setting.cause(explained)
-            if explained > most:
-                most, best = explained, setting
-        if best is None or not _MOST_OF_IT < most < SUFFICIENT:
-            return
-        for other in settings:
-            if best.options.keys().isdisjoint(other.options):
-                both = best.with_other(other)
-                left = self._left(case, both.options)
-                explained = 0.0 if left is None else _share(left, size)
-                if 1.0 - explained < (1.0 - most) / 2:
-                    yield both.cause(explained)
+            cause = setting.cause(explained)
+            if left is not None and explained > 0 and _STEP in setting.options:
+                order = self._order(setting.options, float(np.linalg.norm(left)) / size)
+                cause = cause.model_copy(update={"amount": f"{cause.amount}{order}"})
+            self._known[setting.name] = cause
+        return self._known[setting.name]
+
+    def _order(self, options: Options, left: float) -> str:
+        """Power of the step by which the error falls, from what a finer one leaves of it."""
+        step, finer = self.engine.timestep, with_options(self.engine, options).timestep
+        if not step or not finer or not 0.0 < left < 1.0:
+            return ""
+        return (
+            f", by which the error falls with order {math.log(left) / math.log(finer / step):.2g}"
+        )
 
     def _left(self, case: Case, options: Options) -> FloatArray | None:
         """The deviation of a run with other settings; None where they cannot be run."""
@@ -141,6 +177,15 @@ def _share(left: FloatArray, size: float) -> float:
     return 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
 
 
+def _scheme(engine: Engine) -> str:
+    """The integrator that an engine's study states for its preset, with its order."""
+    stated = engine_study(engine.name).step_orders.get(engine.preset)
+    if stated is None or not stated.scheme:
+        return ""
+    order = f" of order {stated.order:g}" if stated.order is not None else ""
+    return f" of {stated.scheme}{order}"
+
+
 def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
     """The engine without one of its budget's causes, or with one option as in its assisted preset.
 
@@ -159,7 +204,10 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
             followers = [o for o in removal.options if o != _STEP and options.get(o) is None]
             kept = {name: v for name, v in removal.options.items() if name not in followers}
             removal = replace(removal, options=kept)
-        yield _Setting(cause.name, removal.described(options), removal.options)
+        amount = removal.described(options)
+        if _STEP in removal.options:
+            amount += _scheme(engine)
+        yield _Setting(cause.name, amount, removal.options)
     assisted = make(engine.name, ASSISTED).settings
     for name, value in options.items():
         if name in assisted and value != assisted[name] and name not in known | {_STEP}:
