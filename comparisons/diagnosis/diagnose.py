@@ -221,8 +221,8 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, ...], int]:
     """Suspects in the order of their cost; the next kind only if the last explains too little.
 
-    Mistakes of reading cost next to nothing. Then comes the engine's own step; with other settings
-    it is run again only if nothing else explains its deviation.
+    Mistakes of reading cost next to nothing. An engine is run again only if nothing else explains
+    its deviation.
     """
     readings = [*_outright_causes(case), *_reading_causes(case)]
     shares = {cause.name: cause.explained for cause in readings}
@@ -232,14 +232,9 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
         causes = [*integrator_causes(case), *causes]
     # Where little is recorded, faults and mistakes of reading may explain it alike.
     if case.told is not None or max(shares.values(), default=0.0) < _CERTAIN:
-        causes = measured([*causes, *_law_causes(case)])
-        if rerun is not None and not ranked(causes)[1]:
-            # What a finer step takes out is the step's, whatever else would fit it.
-            causes += rerun.of_the_step(case)
-            if ranked(causes)[1]:
-                return ranked(causes)
         causes += fitting_faults(case)
         causes += [_sizeless(case, fault) for fault in missing_faults(case.mechanism)]
+        causes += _law_causes(case)
     elif _motion_agrees(case):
         # A load that moves nothing is as good an explanation as a mistake of reading its force.
         causes += faults_at_the_same_motion(case)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -55,16 +55,6 @@ class Rerun:
 
     engine: Engine
     simulate: Simulate
-    _known: dict[str, RankedCause] = field(default_factory=dict[str, RankedCause], init=False)
-    """What each setting alone explains, by its name, once it has been run."""
-
-    def of_the_step(self, case: Case) -> Iterator[RankedCause]:
-        """The engine's own integrator at its step, by what vanishes with a finer one."""
-        for setting in _other_settings(self.engine, case.mechanism):
-            if _STEP in setting.options:
-                cause = self._alone(case, setting)
-                if cause.explained > 0:
-                    yield cause
 
     def causes(self, case: Case) -> Iterator[RankedCause]:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
@@ -96,29 +86,25 @@ class Rerun:
 
     def _alone(self, case: Case, setting: _Setting) -> RankedCause:
         """What a setting takes out alone; of a step, with the order by which the error falls."""
-        if setting.name not in self._known:
-            size = float(np.linalg.norm(case.deviation))
-            left = self._left(case, setting.options)
-            explained = 0.0 if left is None else _share(left, size)
-            partly = _STEP in setting.options and _FIRST_ORDER < explained < SUFFICIENT
-            if left is not None and partly:
-                rest = self._beside_the_step(case, setting.options, left)
-                explained = max(explained, 1.0 - rest / size)
-            cause = setting.cause(explained)
-            if left is not None and explained > 0 and _STEP in setting.options:
-                order = self._order(setting.options, float(np.linalg.norm(left)) / size)
-                cause = cause.model_copy(update={"amount": f"{cause.amount}{order}"})
-            self._known[setting.name] = cause
-        return self._known[setting.name]
+        size = float(np.linalg.norm(case.deviation))
+        left = self._left(case, setting.options)
+        if left is None:
+            return setting.cause(0.0)
+        explained = _share(left, size)
+        if _STEP not in setting.options:
+            return setting.cause(explained)
+        if _FIRST_ORDER < explained < SUFFICIENT:
+            rest = self._beside_the_step(case, setting.options, left)
+            explained = max(explained, 1.0 - rest / size)
+        order = self._order(setting.options, float(np.linalg.norm(left)) / size)
+        return replace(setting, amount=f"{setting.amount}{order}").cause(explained)
 
     def _order(self, options: Options, left: float) -> str:
         """Power of the step by which the error falls, from what a finer one leaves of it."""
         step, finer = self.engine.timestep, with_options(self.engine, options).timestep
         if not step or not finer or not 0.0 < left < 1.0:
             return ""
-        return (
-            f", by which the error falls with order {math.log(left) / math.log(finer / step):.2g}"
-        )
+        return f"; the error falls with order {math.log(left) / math.log(finer / step):.2g}"
 
     def _left(self, case: Case, options: Options) -> FloatArray | None:
         """The deviation of a run with other settings; None where they cannot be run."""
@@ -182,8 +168,8 @@ def _scheme(engine: Engine) -> str:
     stated = engine_study(engine.name).step_orders.get(engine.preset)
     if stated is None or not stated.scheme:
         return ""
-    order = f" of order {stated.order:g}" if stated.order is not None else ""
-    return f" of {stated.scheme}{order}"
+    order = f", order {stated.order:g}" if stated.order is not None else ""
+    return f"; {stated.scheme}{order}"
 
 
 def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
