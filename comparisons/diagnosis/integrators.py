@@ -31,6 +31,7 @@ _MOST_STEPS = 20_000  # that are carried out: a finer step's error is far below 
 _PASSES, _SETTLED = 60, 1e-13  # of an implicit rule's equations, and when they are solved
 _FITS = 0.99999  # share from which on no other rule is tried
 _CORRECTIONS = 3  # of a step
+_COARSE = 500  # samples, up to which the interval between them is tried as a step of each rule
 _WHOLE = 0.15  # by which a fitted step may miss a whole part of the interval between samples
 
 _Rate = Callable[[FloatArray, FloatArray], FloatArray]
@@ -247,6 +248,10 @@ def _carried_out(
                 if not 0.1 < factor < 10.0:
                     break
                 h *= factor ** (1 / rule.order)
+    if len(case.t) <= _COARSE:
+        # Of long steps the first order says little; most files have a line a step.
+        for rule in signatures:
+            yield share(rule, case.step)[0], rule, case.step
 
 
 def _whole_part(interval: float, h: float) -> float:

@@ -649,7 +649,7 @@ def _asked(
     missing: Any = SimpleNamespace(kind="missing")
     for function, kind in (
         ("_reading_causes", "reading"), ("fitting_faults", "fitted"), ("_law_causes", "law"),
-        ("_gross_causes", "gross"), ("faults_at_the_same_motion", "same motion"),
+        ("integrator_causes", "integrator"), ("_gross_causes", "gross"), ("faults_at_the_same_motion", "same motion"),
         ("_mismatch_causes", "mismatch"),
     ):  # fmt: skip
         monkeypatch.setattr(diagnosing, function, lambda _, kind=kind: suspect(kind))
@@ -673,7 +673,8 @@ def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.M
     """Unless little is told, or the motion is right: then a load may explain it as well."""
     assert _asked(monkeypatch, reading=0.9999) == (["reading"], {"reading": 0.9999}, 1)
     assert _asked(monkeypatch, reading=0.9998)[0] == FAULTS
-    assert _asked(monkeypatch, reading=0.9999, told=frozenset())[0] == FAULTS
+    of_a_file = _asked(monkeypatch, reading=0.9999, told=frozenset())[0]
+    assert of_a_file == ["reading", "integrator", *FAULTS[1:]]
     assert _asked(monkeypatch, reading=0.9999, agrees=True)[0] == ["reading", "same motion"]
 
 
