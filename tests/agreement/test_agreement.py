@@ -19,7 +19,7 @@ from trebucheck.comparisons.report.pages.compare import quantities
 from trebucheck.comparisons.report.pages.tables import complaints
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.engines.presets import PRESETS
-from trebucheck.engines.registry import engine_study
+from trebucheck.engines.registry import engine_class, engine_study
 from trebucheck.models.library.registry import models
 
 MODELS = ("fixed", "rolling")
@@ -97,6 +97,11 @@ def test_the_table_of_the_page(engine_name: str) -> None:
                 )
 
 
+def _skip_without(engine_name: str, preset: str) -> None:
+    if preset not in engine_class(engine_name).presets():
+        pytest.skip(f"the {engine_name} has no preset {preset!r}")
+
+
 NEAR = {"settings": 0.1}
 """Need: a motion that is farther off, in parts of the machine's length, shows another machine."""
 
@@ -105,8 +110,7 @@ NEAR = {"settings": 0.1}
 @pytest.mark.parametrize("model", ALL_MODELS)
 def test_an_engine_alone_comes_near(engine_name: str, model: str, preset: str) -> None:
     """It need not agree within a thousandth of every scale, and the report says where not."""
-    if engine_name == "reference":
-        pytest.skip("the reference has no such preset")
+    _skip_without(engine_name, preset)
     run = _run(engine_name, model, preset)
     if run.outcome is Outcome.UNSUPPORTED:
         pytest.skip(f"{engine_name} {preset} on {model}: {run.message}")
@@ -138,9 +142,10 @@ def test_no_stated_need_is_idle(engine_name: str) -> None:
         assert any(metric.holds is not None for metric in metrics), stated
 
 
-@pytest.mark.parametrize("preset", ["assisted"])
+@pytest.mark.parametrize("preset", ["settings", "assisted"])
 @pytest.mark.parametrize("model", MODELS)
 def test_order_of_releases(engine_name: str, model: str, preset: str) -> None:
+    _skip_without(engine_name, preset)
     trajectory = _trajectory(engine_name, model, preset)
     hanger, sling = (trajectory.release_time(name) for name in ("hanger rest", "sling rest"))
     assert hanger is not None and sling is not None
@@ -151,9 +156,10 @@ def test_order_of_releases(engine_name: str, model: str, preset: str) -> None:
         assert {hanger, sling} <= set(trajectory.t.tolist())
 
 
-@pytest.mark.parametrize("preset", ["assisted"])
+@pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("model", MODELS)
 def test_a_trajectory_is_whole(engine_name: str, model: str, preset: str) -> None:
+    _skip_without(engine_name, preset)
     trajectory = _trajectory(engine_name, model, preset)
     mechanism, n = trajectory.mechanism, len(trajectory.t)
     assert trajectory.t[0] == 0.0
