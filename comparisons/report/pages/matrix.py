@@ -143,7 +143,8 @@ def summary(matrix: Matrix, links: Mapping[str, str]) -> doc.Document:
     if apart:
         text = f"{', '.join(apart.values())}: the steps are trebucheck's, and not counted."
         blocks.append(doc.Text(text, lead="Dynamics alone:"))
-    return doc.Document("", (*blocks, *_dynamics(matrix)))
+    blocks += [*_dynamics(matrix), doc.Heading(_CHEAPEST, 2), *_cheapest(matrix)]
+    return doc.Document("", tuple(blocks))
 
 
 # --- Counts
@@ -580,24 +581,25 @@ def _cheapest_of(matrix: Matrix, label: str) -> Iterator[tuple[str, str]]:
     yield _CHEAPEST.lower(), "; ".join(texts) or ("on no problem" if measured else _NOT_MEASURED)
 
 
+def _cheapest_text(matrix: Matrix, engine: str, problem: str) -> str:
+    """Preset, step and cost of an engine on a problem."""
+    found = matrix.cheapest(engine, problem)
+    if found is not None:
+        sweep, point = found
+        return f"{sweep.preset}, {format_step(point.timestep)} s: {_time(point.cost)}"
+    tried = any((each.engine, each.problem) == (engine, problem) for each in matrix.sweeps)
+    return "none of the steps" if tried else _NOT_MEASURED
+
+
 def _cheapest(matrix: Matrix) -> Iterator[doc.Block]:
     """Preset, step and cost of each engine that hold a thousandth of the way, by problem."""
     if not matrix.sweeps:
         yield doc.Text(f"{_CHEAPEST}: {_NOT_MEASURED}.")
         return
     engines = sorted({run.engine for run in matrix.runs})
-    swept = {(sweep.engine, sweep.problem) for sweep in matrix.sweeps}
     rows: list[tuple[str, ...]] = []
     for problem in matrix.problems:
-        cells: list[str] = []
-        for engine in engines:
-            found, text = matrix.cheapest(engine, problem.name), "none of the steps"
-            if found is not None:
-                sweep, point = found
-                text = f"{sweep.preset}, {format_step(point.timestep)} s: {_time(point.cost)}"
-            elif (engine, problem.name) not in swept:
-                text = _NOT_MEASURED
-            cells.append(text)
+        cells = [_cheapest_text(matrix, engine, problem.name) for engine in engines]
         if any(text != _NOT_MEASURED for text in cells):
             rows.append((problem.name, *cells))
     made = {f"{sweep.engine} {sweep.engine_version}" for sweep in matrix.sweeps}
@@ -758,7 +760,7 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
     blocks: list[doc.Block] = [
         doc.Text(f"{title} {version}{binding}. Runs by {made}."),
         doc.table(
-            f"preset | scheme | order | agrees | own | cost | {_CHEAPEST.lower()} | verdicts",
+            "preset | scheme | order | agrees | own | cost | cheapest 1e-3 | verdicts",
             map(_short, sides),
         ),
         doc.Heading("What was set, and what would change it", 2),
@@ -766,9 +768,9 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
         doc.Heading("By problem", 2),
         doc.Note(
             "Sign of the verdict; the figure nearest to its tolerance, or farthest beyond: "
-            "its error over its tolerance."
+            f"its error over its tolerance. {_CHEAPEST_READING}"
         ),
-        doc.table(("problem", *presets), _by_problem(matrix, sides)),
+        doc.table(("problem", *presets, _CHEAPEST.lower()), _by_problem(matrix, sides)),
         doc.Heading("What it keeps and breaks", 2),
         doc.Note("Problems on which a quantity holds, and the worst: error over tolerance."),
         doc.table(("quantity", *presets), _by_quantity(sides)),
@@ -854,7 +856,9 @@ def _short(side: _Side) -> tuple[object, ...]:
     least = max(own, key=[*_SHARES].index, default="")
     scheme = runs[0].scheme or _SCHEME_UNSTATED
     cost = dict(_cost(runs)).get("cost", "")
-    ((_, cheapest),) = _cheapest_of(side.matrix, runs[0].label)
+    cheapest = _times_cheapest(side.matrix, runs[0].label).replace("/", " of ")
+    if cheapest == _NOT_MEASURED_SHORT:
+        cheapest = _NOT_MEASURED
     return side.preset, scheme, side.order, side.agrees, least, cost, cheapest, _counts(runs)
 
 
@@ -894,7 +898,7 @@ def _by_problem(matrix: Matrix, sides: list[_Side]) -> Iterator[doc.Row]:
                 elif run.outcome not in COMPARED:
                     text += f" {STATES[run.outcome].label}"
             cells.append(text)
-        yield doc.row(*cells)
+        yield doc.row(*cells, _cheapest_text(matrix, sides[0].engine, problem.name))
 
 
 def _by_quantity(sides: list[_Side]) -> Iterator[tuple[str, ...]]:
