@@ -649,7 +649,8 @@ def _asked(
     missing: Any = SimpleNamespace(kind="missing")
     for function, kind in (
         ("_reading_causes", "reading"), ("fitting_faults", "fitted"), ("_law_causes", "law"),
-        ("integrator_causes", "integrator"), ("_gross_causes", "gross"), ("faults_at_the_same_motion", "same motion"),
+        ("integrator_causes", "integrator"), ("_gross_causes", "gross"),
+        ("faults_at_the_same_motion", "same motion"),
         ("_mismatch_causes", "mismatch"),
     ):  # fmt: skip
         monkeypatch.setattr(diagnosing, function, lambda _, kind=kind: suspect(kind))
