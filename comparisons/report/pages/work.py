@@ -111,8 +111,8 @@ def caption(lines: Sequence[WorkLine], made: str) -> str:
     text = (
         "Further left is cheaper, further down more accurate. A point is a run at one time step, "
         "by the processor's time of build and steps; bars go from the quickest to the slowest "
-        "repeat. The adapter's reading of positions, forces and energies is taken out, sensors that "
-        "an engine computes in its steps are not."
+        "repeat. The adapter's reading of positions, forces and energies is taken out, sensors "
+        "that an engine computes in its steps are not."
     )
     whole = [
         line for line in lines if any(run.reading_time is None and run.costs for run in line.runs)
