@@ -28,7 +28,7 @@ from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.event_driver import Observation, Samples
-from trebucheck_toolkit.given_forces import GivenForces, program
+from trebucheck_toolkit.given_forces import GivenForces, program, springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import JointLimits, torques_of_limits
 from trebucheck_toolkit.schemes import State
@@ -52,7 +52,7 @@ class Alone(Skeleton):
         super().__init__(self.to)
         if options.timestep != DARTS_STEP:
             self.world.setTimeStep(options.timestep)
-        self.springs = _joint_springs(self.to)
+        self.springs = springs_of_joints(self.to)
         for index, (stiffness, rest, damping) in self.springs.values():
             self.moving[index].setRestPosition(0, rest)
             self.moving[index].setSpringStiffness(0, stiffness)
@@ -135,27 +135,6 @@ _CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.E
 def _ranges(to: JointCoordinates) -> dict[int, tuple[float, float]]:
     limits = JointLimits(to, "dart")
     return limits.ranges(limits.limits)
-
-
-_Spring = tuple[int, tuple[float, float, float]]
-
-
-def _joint_springs(to: JointCoordinates) -> dict[str, _Spring]:
-    """Springs that DART's joints have: their joint, stiffness, rest angle and damping, by name."""
-    found: dict[str, _Spring] = {}
-    taken: set[int] = set()
-    for element in to.mechanism.force_elements:
-        if not isinstance(element, elements.RotationalSpringDamper):
-            continue
-        for index, freedom in enumerate(to.freedoms):
-            ends = freedom.joint.child, freedom.joint.parent
-            if freedom.direction is None and set(ends) == set(element.bodies):
-                sense = 1.0 if element.body == freedom.joint.child else -1.0
-                if index not in taken:  # a joint has one spring
-                    law = element.stiffness, sense * element.rest_angle, element.damping
-                    found[element.name] = index, law
-                taken.add(index)
-    return found
 
 
 # --- A run

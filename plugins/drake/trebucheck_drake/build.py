@@ -1,12 +1,13 @@
 """The Drake plant of a mechanism: a tree in the x-y plane, turning about -z, which is clockwise.
 
 A slide is a prismatic joint. Where the child turns as well, it is on a body without mass that
-slides, which a revolute joint follows; welds are Drake's.
+slides, which a revolute joint follows; welds are Drake's. :func:`add_link` is in a program of a run
+as it is here.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -25,7 +26,78 @@ from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.schemes import State
 
-_CLOCKWISE = np.array([0.0, 0.0, -1.0])
+Point = tuple[float, float]
+
+
+class Link(NamedTuple):
+    """A body with the joint that it is on."""
+
+    name: str
+    joint: str
+    parent: str
+    angle: float
+    """Of the joint's frame on the parent, clockwise [rad]."""
+    place: Point
+    """Of the joint's frame on the parent [m]."""
+    child_place: Point
+    """Of the joint on the body [m]."""
+    slides: tuple[Point, ...]
+    """Directions in the parent's frame."""
+    turns: bool
+    mass: float
+    centre: Point
+    inertia: float
+
+
+def link_of(body: Body, joint: AnyJoint) -> Link:
+    """The link of a body."""
+    slides = tuple((each.real, each.imag) for each in joint.free_directions)
+    on_parent = joint.parent, joint.turned_by or 0.0, joint.parent_point
+    own = body.mass, body.centre, body.inertia
+    turns = body.angle is not None
+    return Link(body.name, joint.name, *on_parent, joint.child_point, slides, turns, *own)
+
+
+def add_link(
+    plant: Any,
+    bodies: dict[str, Any],
+    name: str,
+    joint: str,
+    parent: str,
+    angle: float,
+    place: tuple[float, float],
+    child_place: tuple[float, float],
+    slides: tuple[tuple[float, float], ...],
+    turns: bool,
+    mass: float,
+    centre: tuple[float, float],
+    inertia: float,
+) -> list[Any]:
+    """Add a body to a plant and to the `bodies` by name; return the joints that it is on."""
+    # Of a flat body the inertias in its plane are half of that about its normal.
+    moments = RotationalInertia(0.5 * inertia, 0.5 * inertia, inertia)
+    spatial = SpatialInertia.MakeFromCentralInertia(mass, np.array([*centre, 0.0]), moments)
+    bodies[name] = link = plant.AddRigidBody(name, spatial)
+    turned = RotationMatrix.MakeZRotation(-angle)
+    at, on = RigidTransform(turned, np.array([*place, 0.0])), bodies[parent]
+    before = plant.AddFrame(FixedOffsetFrame(f"{joint} on {on.name()}", on, at))
+    at = RigidTransform(np.array([*child_place, 0.0]))
+    onto = plant.AddFrame(FixedOffsetFrame(f"{joint} child on {name}", link, at))
+    joints = []
+    for k, slide in enumerate(slides):
+        after = onto
+        if turns or k < len(slides) - 1:  # a body without mass, which the next joint is on
+            after = plant.AddRigidBody(f"{joint} slide {k}", SpatialInertia.Zero()).body_frame()
+        # The direction is in the parent's frame, and the joint's frame may be turned from it.
+        axis = turned.inverse() @ np.array([*slide, 0.0])
+        joints.append(plant.AddJoint(PrismaticJoint(f"{joint} {k}", before, after, axis)))
+        before = after
+    if turns:
+        axis = np.array([0.0, 0.0, -1.0])
+        joints.append(plant.AddJoint(RevoluteJoint(joint, before, onto, axis)))
+    elif not slides:
+        joints.append(plant.AddJoint(WeldJoint(joint, before, onto, RigidTransform())))
+    return joints
 
 
 class Built:
@@ -43,7 +115,9 @@ class Built:
         self.moving: list[Any] = []
         """Drake's joints in the order of the joint coordinates."""
         for body, joint in self.coordinates.links:
-            self._add(body, joint)
+            joints = add_link(self.plant, self.bodies, *link_of(body, joint))
+            self.carriers[joint.name] = joints[-1]
+            self.moving += [each for each in joints if each.num_velocities()]
 
     def finalize(self) -> None:
         """End the building."""
@@ -65,52 +139,7 @@ class Built:
             state[n:][self.speeds]
         )
 
-    def _add(self, body: Body, joint: AnyJoint) -> None:
-        # Of a flat body the inertias in its plane are half of that about its normal.
-        inertia = RotationalInertia(0.5 * body.inertia, 0.5 * body.inertia, body.inertia)
-        inertia = SpatialInertia.MakeFromCentralInertia(body.mass, in_space(body.centre), inertia)
-        self.bodies[body.name] = link = self.plant.AddRigidBody(body.name, inertia)
-        at = RigidTransform(_turned(joint.turned_by or 0.0), in_space(joint.parent_point))
-        before, onto = (
-            self._frame(self.bodies[joint.parent], at, joint.name),
-            self._child_frame(link, joint),
-        )
-        slides = list(joint.free_directions)
-        for k, direction in enumerate(slides):
-            last = k == len(slides) - 1 and body.angle is None
-            after = onto if last else self._massless(f"{joint.name} slide {k}").body_frame()
-            # The direction is in the parent's frame, and the joint's frame may be turned from it.
-            axis = _turned(joint.turned_by or 0.0).inverse() @ in_space(
-                (direction.real, direction.imag)
-            )
-            self._add_joint(joint, PrismaticJoint(f"{joint.name} {k}", before, after, axis))
-            before = after
-        if body.angle is not None:
-            self._add_joint(joint, RevoluteJoint(joint.name, before, onto, _CLOCKWISE))
-        elif not slides:
-            self.carriers[joint.name] = self.plant.AddJoint(
-                WeldJoint(joint.name, before, onto, RigidTransform())
-            )
-
-    def _add_joint(self, joint: AnyJoint, made: Any) -> None:
-        self.carriers[joint.name] = self.plant.AddJoint(made)
-        self.moving.append(self.carriers[joint.name])
-
-    def _frame(self, body: Any, at: Any, name: str) -> Any:
-        return self.plant.AddFrame(FixedOffsetFrame(f"{name} on {body.name()}", body, at))
-
-    def _child_frame(self, link: Any, joint: AnyJoint) -> Any:
-        return self._frame(link, RigidTransform(in_space(joint.child_point)), f"{joint.name} child")
-
-    def _massless(self, name: str) -> Any:
-        return self.plant.AddRigidBody(name, SpatialInertia.Zero())
-
 
 def in_space(point: tuple[float, float]) -> FloatArray:
     """A vector of the plane in space."""
     return np.array([*point, 0.0])
-
-
-def _turned(angle: float) -> Any:
-    """Rotation by an angle, positive clockwise [rad]."""
-    return RotationMatrix.MakeZRotation(-angle)

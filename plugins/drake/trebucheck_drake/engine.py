@@ -9,7 +9,7 @@ from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import HELD, Part, Supplied
+from trebucheck.engines.supplied import HELD, Assistance, Part, Supplied, all_by
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -27,8 +27,11 @@ class DrakeEngine(BuiltinEngine):
     warning or an error), so that stops and joints that close loops are held by generalized forces
     from its mass matrix and accelerations, and events are located by trebucheck's driver.
 
-    The default preset is the discrete plant that Drake's documentation leads to, with joint limits
-    (a compliant penalty of Drake's choice) and ball and weld constraints of its own.
+    By itself (`mode="discrete"`, :mod:`.alone`) it is a plant with time steps that a simulator of
+    Drake's moves from start to end, with joint limits, ball constraints and springs of its own; with
+    `continuous_plant` it is a continuous one where nothing has to be held. Limits stay in the plant
+    whatever the law: it keeps to release-once only while no stop is met again. A stop is read as
+    released at the end of the first step after which its limit has no torque.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -48,10 +51,25 @@ class DrakeEngine(BuiltinEngine):
         "semi-implicit Euler)",
         features=frozenset(Feature),
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {"mode": "discrete"}
+    # The step of `MultibodyPlantConfig()`, which is that of the options here.
+    default_options: ClassVar[Mapping[str, object] | None] = {
+        "mode": "discrete",
+        "continuous_plant": False,
+    }
+    settings_options: ClassVar[Mapping[str, object] | None] = {"mode": "discrete"}
+    assistance: ClassVar[tuple[Assistance, ...] | None] = all_by("mode", "discrete", HELD)
+    readings: ClassVar[Supplied] = {
+        Part.ELEMENTS: "forces of loads and of springs that Drake does not have, given before each "
+        "step",
+    }
 
     mode: Literal["continuous", "discrete"] = Field(
-        default="continuous", description="the plant: continuous, or with time steps of its own"
+        default="continuous",
+        description="continuous, what is held by trebucheck; or Drake by itself, with time steps",
+    )
+    continuous_plant: bool = Field(
+        default=True,
+        description="whether Drake by itself takes a continuous plant where nothing is to be held",
     )
     integrator: Literal[
         "runge_kutta5", "runge_kutta3", "bogacki_shampine3", "radau3", "implicit_euler"
@@ -63,27 +81,32 @@ class DrakeEngine(BuiltinEngine):
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
-        """Features lacking: discrete limits act on joints, do not rebound; loop forces unknown."""
+        """Elements that the adapter builds none of Drake's for, by itself."""
         return (
             frozenset()
             if self.mode == "continuous"
-            else frozenset({Basic.LOOP, Basic.POINT_STOP, Basic.REBOUND})
+            else frozenset({Basic.POINT_STOP, Basic.REBOUND})
         )
 
     @property
     def supplied(self) -> Supplied:
-        """A continuous plant has Drake's integrator, but neither limits nor constraints."""
-        return HELD if self.mode == "continuous" else {Part.ELEMENTS: ""}
+        """What is held and pushed, in a continuous plant; by itself the forces that are given."""
+        return HELD if self.mode == "continuous" else self.readings
 
     def _run(self, problem: Problem) -> Recording:
         if self.mode == "discrete":
-            from .discrete import run
+            from .alone import run_alone
 
-            return run(problem, self.timestep)
+            return run_alone(problem, self)
         from .motion import Motion
 
         motion = Motion(problem.mechanism, self.integrator, self.accuracy, self.timestep)
         return EventDriver(problem, motion, self.name, self.timestep).run()
+
+    def _script(self, problem: Problem) -> str:
+        from .alone import script
+
+        return script(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state."""

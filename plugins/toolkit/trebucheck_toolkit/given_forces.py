@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -17,6 +17,8 @@ from trebucheck.models import elements
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND
 from trebucheck.models.mechanism import Mechanism
+
+from .joint_coordinates import JointCoordinates
 
 
 def spring_force(
@@ -182,6 +184,36 @@ def point_of(
     """
     turned = arm * cmath.exp(-1j * turn[0])
     return centre[0] + turned, centre[1] - 1j * turn[1] * turned
+
+
+def springs_of_joints(
+    to: JointCoordinates, but: Collection[int] = ()
+) -> dict[str, tuple[int, tuple[float, float, float]]]:
+    """Torsion springs between bodies that a joint connects, for engines whose joints have springs.
+
+    Args:
+        to: the joint coordinates.
+        but: indices of joint coordinates that get none.
+
+    Returns:
+        By the name of the element the joint coordinate that it acts on, one element each, and its
+        stiffness [N m/rad], rest angle [rad] and damping [N m s/rad] there.
+    """
+    found: dict[str, tuple[int, tuple[float, float, float]]] = {}
+    taken = set(but)
+    turns = {
+        frozenset({freedom.joint.child, freedom.joint.parent}): (index, freedom.joint.child)
+        for index, freedom in enumerate(to.freedoms)
+        if freedom.direction is None
+    }
+    for element in to.mechanism.force_elements:
+        if isinstance(element, elements.RotationalSpringDamper):
+            index, child = turns.get(frozenset(element.bodies), (-1, ""))
+            if index >= 0 and index not in taken:
+                rest = element.rest_angle if element.body == child else -element.rest_angle
+                found[element.name] = index, (element.stiffness, rest, element.damping)
+                taken.add(index)
+    return found
 
 
 # --- The same as a program
