@@ -30,6 +30,10 @@ class Case:
 
 
 CASES: Mapping[str, Case] = {
+    "drake": Case(
+        frozenset({"timestep", "integrator", "accuracy", "continuous_plant"}),
+        ("fixed", "rolling", "n-four-bar", "motor", "damped-oscillator", "spring-pendulum"),
+    ),
     "dart": Case(
         frozenset({"timestep"}), ("fixed", "rolling", "three-cranks", "motor", "spring-pendulum")
     ),

@@ -1,11 +1,11 @@
 """Drake by itself: a plant, a simulator from start to end, and what is read of it.
 
 The plant has time steps; it is continuous, with Drake's integrator, where that is asked for and
-nothing has to be held or given: such a plant has no limits and no constraints. Stops are limits of Drake's joints, pins that close loops its ball constraints; springs with a
-length between points, and torsion springs between bodies that a joint without limits connects, are
-its force elements. The forces of others, and of loads, are given before each step. All of it stays
-in the plant whatever the law. What is Drake's default is not set. :func:`script` gives the same run
-as a program.
+nothing has to be held or given: such a plant has no limits and no constraints. Stops are limits of
+Drake's joints, pins that close loops its ball constraints; springs with a length between points,
+and torsion springs between bodies that a joint without limits connects, are its force elements. The
+forces of others, and of loads, are given before each step. All of it stays in the plant whatever
+the law. What is Drake's default is not set. :func:`script` gives the same run as a program.
 """
 
 from __future__ import annotations
@@ -43,8 +43,6 @@ from .read import Reader
 if TYPE_CHECKING:
     from .engine import DrakeEngine
 
-DRAKES_STEP = 1e-3
-"""Step of a plant of Drake's configuration (`MultibodyPlantConfig`); its constructor has none [s]."""
 _ROUNDING = 1e-10  # of the largest reaction: what is left of a torque about an axis without a limit
 
 

@@ -28,10 +28,10 @@ class DrakeEngine(BuiltinEngine):
     from its mass matrix and accelerations, and events are located by trebucheck's driver.
 
     By itself (`mode="discrete"`, :mod:`.alone`) it is a plant with time steps that a simulator of
-    Drake's moves from start to end, with joint limits, ball constraints and springs of its own; with
-    `continuous_plant` it is a continuous one where nothing has to be held. Limits stay in the plant
-    whatever the law: it keeps to release-once only while no stop is met again. A stop is read as
-    released at the end of the first step after which its limit has no torque.
+    Drake's moves from start to end, with joint limits, ball constraints and springs of its own;
+    with `continuous_plant` it is a continuous one where nothing has to be held. Limits stay in the
+    plant whatever the law: it keeps to release-once only while no stop is met again. A stop is read
+    as released at the end of the first step after which its limit has no torque.
 
     Raises:
         InputError: an option is unknown or outside its range.

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
     REFINEMENT,
+    SETTINGS_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
     Intervention,
     MaintainersNote,
+    StepOrder,
     time_step_cause,
 )
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, error_controlled, located_tolerances
@@ -21,6 +23,11 @@ from trebucheck_toolkit.scheme_tables import EULER_STEPS, error_controlled, loca
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     return (
+        Cause(
+            "plant with time steps",
+            "semi-implicit Euler where nothing has to be held and a continuous plant would do",
+            Intervention({"continuous_plant": True}),
+        ),
         Cause(
             "discrete plant",
             "semi-implicit Euler with compliant limits, where the continuous plant has neither",
@@ -38,22 +45,28 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        ASSISTED: error_controlled("RK5 (Dormand-Prince): the step is only an upper bound"),
         DEFAULT: EULER_STEPS,
+        SETTINGS: StepOrder(
+            None,
+            "of first order with stops, loops or loads; else error-controlled RK5",
+            "semi-implicit Euler, joint coordinates",
+        ),
+        ASSISTED: error_controlled("RK5 (Dormand-Prince): the step is only an upper bound"),
     },
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
+    option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
     tolerances=located_tolerances(
         5, "error-controlled Runge-Kutta of order 5, at most 1 ms a step, an accuracy of 1e-10"
     ),
     title="Drake",
     binding="the Python wheel `drake`",
     maintainers_note=MaintainersNote(
-        chosen="A plant with time steps is what the documentation leads to, of order "
-        "{{ plain.order }}; a continuous plant is moved by an error-controlled Runge-Kutta "
-        "rule to an accuracy that is set.",
+        chosen="A plant with time steps is what `MultibodyPlantConfig` makes, of order "
+        "{{ plain.order }}; where nothing has to be held, settings take a continuous plant and an "
+        "error-controlled Runge-Kutta rule to an accuracy that is set.",
         not_possible="A continuous plant has no joint limits and no constraints, and a "
-        "discrete one tells no forces of constraints that close loops; multipliers of "
-        "trebucheck stand in their place where a row says so.",
+        "discrete one tells no forces of constraints that close loops, nor counts them in the "
+        "reactions of joints; our adapter closes loops by pins alone, and builds no stops on "
+        "points and no restitution from Drake's own elements.",
         would_change="Limits and constraints in continuous plants; forces of constraints in "
         "discrete ones.",
     ),
