@@ -60,7 +60,7 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _LEFT_OUT = (
     "time_limit",
     "wall_time",
-    "processor_time",
+    "processor",
     "reading_time",
     "made",
     "version",
