@@ -142,6 +142,9 @@ class MatrixRun(OfEngine, Spec):
     settings: dict[str, JsonValue] | None = optional(None, "None: not kept in this file")
     steps: Annotated[int, Field(ge=0)] | None = optional(None, "None: not kept, or none was made")
     wall_time: Real | None = optional(None, "of the whole run, warm [s]; None: not kept, no run")
+    cost: Real | None = optional(
+        None, "processor time without our reading, where that is told apart [s]; None: not kept"
+    )
     date: str = Field(description="of the file of runs, YYYY-MM-DD")
     made_by: str = Field(description="version of trebucheck")
 
@@ -595,6 +598,7 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
         settings=run.settings,
         steps=run.steps or None,
         wall_time=run.wall_time,
+        cost=run.cost,
         date=date,
         made_by=version,
     )

@@ -350,6 +350,13 @@ class Run(OfEngine, Measured, Spec):
     def _read_old_outcome(cls, given: Any) -> Any:
         return with_time_limit(given)
 
+    @property
+    def cost(self) -> float | None:
+        """Processor time without reading, where that is told apart [s]; None: not measured."""
+        if self.processor_time is None:
+            return None
+        return self.processor_time - (self.reading_time or 0.0)
+
     def metric(self, name: str, subject: str | None = None) -> Metric | None:
         """The metric of that name and subject, if the run has it."""
         return next((m for m in self.metrics if (m.name, m.subject) == (name, subject)), None)

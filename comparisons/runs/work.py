@@ -24,11 +24,11 @@ def work_of(run: Run) -> tuple[WorkPoint, ...]:
     step = run.settings.get("timestep")
     if run.sweep or run.outcome not in COMPARED or not isinstance(step, float):
         return run.sweep
-    costs: tuple[float, ...] = ()
-    if run.processor_time is not None:
-        costs = (run.processor_time - (run.reading_time or 0.0),)
-    errors = largest_errors(run.metrics)
     point = WorkPoint(
-        timestep=step, steps=run.steps, costs=costs, reading_time=run.reading_time, errors=errors
+        timestep=step,
+        steps=run.steps,
+        costs=() if run.cost is None else (run.cost,),
+        reading_time=run.reading_time,
+        errors=largest_errors(run.metrics),
     )
     return (point,)

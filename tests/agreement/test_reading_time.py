@@ -2,7 +2,7 @@
 
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.matrix import distilled
+from trebucheck.comparisons.matrix import distilled, sweeps_of
 
 ENGINES = ("mujoco", "pymunk", "exudyn")
 
@@ -32,3 +32,20 @@ def test_a_sweep_has_the_step_of_the_run_and_longer_ones_with_larger_errors() ->
     (kept,) = distilled(again, "2026-01-02").sweeps
     assert [point.timestep for point in kept.points] == steps
     assert 1.0 > kept.points[0].part > kept.points[-1].part > 0.0
+
+
+def test_each_step_of_a_convergence_study_has_its_cost_and_all_its_errors() -> None:
+    studies = tb.converge(
+        "pendulum", "pymunk", "default", knobs="timestep", until=0.5, isolate=False
+    )
+    (machine,) = studies.machines
+    (study,) = machine.studies
+    for point in study.points:
+        assert point.work is not None and point.work.timestep == point.value
+        assert len(point.work.costs) == len(point.wall_times) and point.work.steps == point.steps
+        assert point.work.errors["position_max"] == point.position
+        assert {"angle_max", "energy_balance"} <= set(point.work.errors) <= set(machine.units)
+    (swept,) = sweeps_of(studies)
+    assert [point.timestep for point in swept.points] == [p.value for p in study.points]
+    again = type(studies).model_validate_json(studies.to_json())
+    assert again.machines[0].studies[0].points == study.points

@@ -462,7 +462,9 @@ def _cost(runs: list[MatrixRun]) -> Iterator[tuple[str, str]]:
         return
     steps = _span(((run.steps or 0) for run in timed), "d")
     walls = _span((run.wall_time or 0.0 for run in timed), ".2g")
-    yield "cost", f"{steps} steps, {walls} s"
+    costs = [run.cost for run in timed if run.cost is not None]
+    processor = f", {_span(costs, '.2g')} s by the processor without reading" if costs else ""
+    yield "cost", f"{steps} steps, {walls} s{processor}"
 
 
 def _span(values: Iterable[float], form: str) -> str:
