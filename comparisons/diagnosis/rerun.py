@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Self
 
 import numpy as np
 
 from ...engines.presets import ASSISTED
 from ...engines.protocol import Engine
-from ...engines.registry import causes_of, engine_study, with_options
+from ...engines.registry import causes_of, engine_study, presets_of, with_options
 from ...engines.registry import engine as make
-from ...engines.study import Options
+from ...engines.study import Intervention, Options, same_value
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
@@ -81,8 +82,34 @@ class Rerun:
                     if 1.0 - explained < (1.0 - most) / 2:
                         joined.append((explained, both))
                         yield both.cause(explained)
-            most, best = max(joined, key=lambda found: found[0], default=(0.0, None))
+            most, best = max(joined, key=lambda found: found[0], default=(most, None))
             together += 1
+        if most < SUFFICIENT:
+            yield from self._of_presets(case, settings)
+
+    def _of_presets(self, case: Case, settings: Sequence[_Setting]) -> Iterator[RankedCause]:
+        """Causes that vanish together, with the options of a preset that asks for more.
+
+        Some options do harm alone: a limit that is stiffer must be felt earlier. So all of them are
+        changed, at the run's own step or a finer one; then those that are not needed are left out.
+        """
+        finer = [setting for setting in settings if _STEP in setting.options]
+        for groups in _presets_beyond(self.engine, settings):
+            for beside in ([], finer[:1]):
+                needed = [*groups, *beside]
+                if self._together(case, needed) < SUFFICIENT:
+                    continue
+                for group in groups:
+                    fewer = [each for each in needed if each is not group]
+                    if fewer and self._together(case, fewer) >= SUFFICIENT:
+                        needed = fewer
+                yield reduce(_Setting.with_other, needed).cause(self._together(case, needed))
+                return
+
+    def _together(self, case: Case, settings: Sequence[_Setting]) -> float:
+        """Share of a deviation that vanishes with all of these."""
+        left = self._left(case, reduce(_Setting.with_other, settings).options)
+        return 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
 
     def _alone(self, case: Case, setting: _Setting) -> RankedCause:
         """What a setting takes out alone; of a step, with the order by which the error falls."""
@@ -161,6 +188,33 @@ class Rerun:
 
 def _share(left: FloatArray, size: float) -> float:
     return 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
+
+
+def _presets_beyond(engine: Engine, settings: Sequence[_Setting]) -> Iterator[tuple[_Setting, ...]]:
+    """What the presets after an engine's own set otherwise, but for the step, by the cause."""
+    options, known = engine.settings, presets_of(engine.name)
+    if engine.preset not in known:
+        return
+    for preset in known[known.index(engine.preset) + 1 :]:
+        asked = make(engine.name, preset).settings
+        changed = {
+            name: value
+            for name, value in asked.items()
+            if name != _STEP and not same_value(options.get(name), value)
+        }
+        groups: list[_Setting] = []
+        for setting in settings:
+            of_cause = {name: changed.pop(name) for name in setting.options if name in changed}
+            if of_cause and _STEP not in setting.options:
+                groups.append(_changed(setting.name, options, of_cause))
+        groups += [_changed(f"option {name}", options, {name: changed[name]}) for name in changed]
+        if groups:
+            yield tuple(groups)
+
+
+def _changed(name: str, options: Options, to: Options) -> _Setting:
+    """A cause that these options take out."""
+    return _Setting(name, Intervention(options=to).described(options), to)
 
 
 def _scheme(engine: Engine) -> str:
