@@ -239,6 +239,29 @@ def test_two_settings_that_make_a_deviation_together_are_named_together() -> Non
     assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("least", [1.0, 1 / 8])
+def test_options_that_harm_alone_are_set_together_as_the_next_preset_has_them(least: float) -> None:
+    """Stiff limits, felt early, by RK4: each of them alone makes it worse; and perhaps the step."""
+    solution = solve(tb.Problem(tb.catapult(), 0.5))
+    t = np.linspace(0.0, 0.5, 101)
+    default = MujocoEngine.presets()["default"]()
+    needed = ("integrator", "solref", "solimp", "margin")
+
+    def simulate(engine: tb.Engine, _: tb.Problem) -> tb.Trajectory:
+        exact, changed = solution.trajectory(t), MujocoEngine.presets()["settings"]().settings
+        count = sum(engine.settings[name] == changed[name] for name in needed)
+        right = count == len(needed) and (engine.timestep or 0.0) <= least * default.timestep
+        error = 0.0 if right else 1e-3 * (1 + count)
+        return dataclasses.replace(exact, q=exact.q + error * np.sin(4 * np.pi * t)[:, None])
+
+    case = Case(simulate(default, solution.problem), solution, 0.5)
+    causes = [cause for cause in Rerun(default, simulate).causes(case) if cause.explained > 0.5]
+    assert len(causes) == 1 and causes[0].explained == pytest.approx(1.0)
+    assert all(name in causes[0].amount for name in needed)
+    assert "tolerance" not in causes[0].amount
+    assert ("timestep" in causes[0].amount) == (least < 1)
+
+
 def test_half_the_step_is_run_only_where_it_can_change_what_the_step_explains() -> None:
     """An error of first and second order: an eighth and a sixteenth of the step tell it."""
     solution = solve(tb.Problem(tb.catapult(), 0.5))
