@@ -62,6 +62,10 @@ CASES: Mapping[str, Case] = {
         | {"solref", "solimp", "margin"},
         ("fixed", "slider-crank", "spring-pendulum"),
     ),
+    "rapier": Case(
+        frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
+        ("fixed", "three-cranks", "spring-pendulum"),
+    ),
 }
 
 
@@ -71,6 +75,10 @@ def _run(name: str, program: str) -> dict[str, Any]:
         from trebucheck_planck.bridge import PLANCK
 
         return {key: np.array(value) for key, value in PLANCK.run(program).items()}
+    if name == "rapier":
+        from trebucheck_rapier.bridge import RAPIER
+
+        return {key: np.array(value) for key, value in RAPIER.run(program).items()}
     found: dict[str, Any] = {}
     exec(program, found)
     return found

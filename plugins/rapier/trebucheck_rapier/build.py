@@ -11,12 +11,13 @@ from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene
 class Built(NodeScene):
     """A mechanism's scene; carriages of slots come after its bodies."""
 
-    def __init__(self, mechanism: Mechanism, carriage: float) -> None:
+    def __init__(self, mechanism: Mechanism, carriage: float | None) -> None:
         """Make the scene.
 
         Args:
             mechanism: what is built; each body has an inertia.
-            carriage: mass of the body in a slot, as a part of that of the body it carries.
+            carriage: mass of the body in a slot, as a part of that of the body it carries; None:
+                there are no slots.
         """
         self.carriage = carriage
         super().__init__(mechanism, "rapier")
@@ -33,7 +34,9 @@ class Built(NodeScene):
             self.kinematics.point(joint.child, joint.child_point),
             self.mechanism.body(joint.child),
         )
+        assert self.carriage is not None  # slots are refused without one
         mass = self.carriage * child.mass
+        self.others.append(f"carriage of {joint.name}")
         self.bodies.append(
             {
                 "position": (self.kinematics.position(row, self.q) * MIRROR).tolist(),

@@ -2,33 +2,56 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
-import numpy as np
-from pydantic import Field
-from trebucheck.engines.point_masses import LeastInertia, NoPointMasses
+from trebucheck.engines.point_masses import spread_masses, spreads_masses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Part, Supplied
+from trebucheck.engines.supplied import Assistance, Part, Supplied
+from trebucheck.models.elements import SlotJoint
 from trebucheck.models.features import Basic, Feature
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck.models.spec import Positive
-from trebucheck_toolkit.node_samples import NodeSamples
+from trebucheck_toolkit.node_samples import NodeSamples, sample_times
 
+from .alone import limits_once, run_alone, script
 from .bridge import RAPIER
 from .build import Built
 from .motion import releases
+from .options import OWN, RapierOptions
 from .study import STUDY
 
+_ALONE: Mapping[str, object] = {
+    "least_inertia": None,
+    "carriage": None,
+    "move_limits": False,
+    "opening": None,
+    "fit_steps": False,
+}
+"""Options with which trebucheck takes no part in a run."""
 
-class RapierEngine(BuiltinEngine):
-    """Rapier's world with impulse joints in Node.js; the default preset is Rapier's own defaults.
+
+def _has_stops(mechanism: Mechanism) -> bool:
+    return bool(mechanism.stops)
+
+
+def _has_slots(mechanism: Mechanism) -> bool:
+    return any(isinstance(joint, SlotJoint) for joint in mechanism.joints)
+
+
+class RapierEngine(RapierOptions, BuiltinEngine):
+    """Rapier's world with impulse joints in Node.js.
 
     Its multibody joints are no choice: they have a damping of their own, which its interface cannot
     take out.
+
+    By itself (:mod:`.alone`) limits are set once, and bodies are those of the mechanism; point
+    masses, which Rapier would never turn, have an inertia by mass moved along their pins. With
+    assistance limits are moved to where Rapier knows their angles and go with their stops, slots
+    have carriages, and every body has some inertia. With every preset springs, dampers and motors
+    are forces and torques that are given to the bodies before each step.
 
     Raises:
         InputError: an option is unknown or outside its range.
@@ -48,32 +71,55 @@ class RapierEngine(BuiltinEngine):
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
         features=frozenset(Feature) - {Feature.MOVING_WALL},
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {"substeps": 4, "passes": 1}
-
-    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=8,
-        description="of a step, each with its own impulses (Rapier's numSolverIterations)",
+    default_options: ClassVar[Mapping[str, object] | None] = {
+        **_ALONE,
+        **OWN,
+        "allow_sleep": True,
+    }
+    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
+        Assistance(
+            Part.MODEL,
+            "moves mass along pins to bodies of little inertia",
+            "least_inertia",
+            off=None,
+            acts_on=spreads_masses,
+        ),
+        Assistance(
+            Part.MODEL,
+            "runs a small body in each slot, which the other one is pinned to",
+            "carriage",
+            off=None,
+            acts_on=_has_slots,
+        ),
+        Assistance(
+            Part.MODEL,
+            "turns the frames of a joint to its nearest stop, and has its limit on near to it",
+            "move_limits",
+            off=False,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.EVENTS,
+            "takes the limits of stops that are open for good out of the model",
+            "opening",
+            off=None,
+            acts_on=_has_stops,
+        ),
+        Assistance(
+            Part.SUBSTEPS,
+            "shortens the steps, so that a whole number of them fits",
+            "fit_steps",
+            off=False,
+        ),
     )
-    passes: Annotated[int, Field(ge=1, le=10_000)] = Field(
-        default=4, description="over all joints in a substep (Rapier's numInternalPgsIterations)"
-    )
-    least_inertia: LeastInertia = 1e-3
-    carriage: Positive = Field(
-        default=1e-3,
-        le=1.0,
-        description="mass of the body that runs in a slot, as a part of that of the body it "
-        "carries: Rapier has no joint that both slides and turns",
-    )
-    opening: Positive = Field(
-        default=1e-4,
-        le=0.1,
-        description="gap at which a stop has opened [rad]; its release is looked back for",
-    )
+    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
     @property
-    def supplied(self) -> Supplied:
-        """Springs and motors are forces on the bodies, which Rapier's users apply themselves."""
-        return {Part.ELEMENTS: ""}
+    def lacking(self) -> frozenset[Basic | Feature]:
+        """Slots, where they have no carriages."""
+        slots = frozenset[Basic | Feature]({Basic.SLOT, Feature.MOVING_SLOT})
+        return slots if self.carriage is None else frozenset()
 
     @classmethod
     def is_installed(cls) -> bool:
@@ -91,19 +137,28 @@ class RapierEngine(BuiltinEngine):
         return RAPIER.absence()
 
     def _run(self, problem: Problem) -> Recording:
-        spread = NoPointMasses(problem.mechanism, self.least_inertia)
+        if not self.assisted_by:
+            return run_alone(problem, self)
+        spread = spread_masses(problem.mechanism, self.least_inertia, self.name)
         built = Built(spread.mechanism, self.carriage)
-        steps = math.ceil(problem.duration / self.timestep - 1e-9)
-        scene = built.description(problem, problem.duration / steps, steps) | {
+        t = sample_times(problem.duration, self.timestep, fit=self.fit_steps)
+        step = problem.duration / (len(t) - 1) if self.fit_steps else self.timestep
+        if not self.move_limits:
+            limits_once(problem, built)  # refuses those that cannot be set so
+        scene = built.description(problem, step, len(t) - 1) | {
             "substeps": self.substeps,
             "passes": self.passes,
-            "opening": self.opening,
+            "canSleep": self.allow_sleep,
+            "moveLimits": self.move_limits,
+            "opening": self.opening or 0.0,
         }
-        samples = NodeSamples(
-            built, np.linspace(0.0, problem.duration, steps + 1), RAPIER.move(scene)
-        )
+        scene["once"] = scene["once"] and self.opening is not None
+        samples = NodeSamples(built, t, RAPIER.move(scene))
         found = samples.recording()
         potential = found.potential_energy - spread.extra_potential_energy
         return replace(
             found, potential_energy=potential, release_times=releases(samples, self.opening)
         )
+
+    def _script(self, problem: Problem) -> str:
+        return script(problem, self)

@@ -6,11 +6,15 @@ import numpy as np
 from trebucheck.models.elements import Stop
 from trebucheck_toolkit.node_samples import NodeSamples
 
+_OPENING = 1e-3
+"""[rad] where no option says it: steps of 1/60 s let a held stop of the paper's machines give way
+by half of it."""
 _GROWN = 27.0  # a release is looked back for from a gap of `opening` to this many times that
 
 
-def releases(samples: NodeSamples, opening: float) -> dict[str, float | None]:
+def releases(samples: NodeSamples, opening: float | None) -> dict[str, float | None]:
     """Releases of the stops closed at the start: the gap exceeds `opening` [rad]."""
+    opening = opening or _OPENING
     stops = samples.scene.mechanism.stops
     return {
         each.name: _release(samples, each, opening)

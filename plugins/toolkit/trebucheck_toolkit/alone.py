@@ -49,7 +49,7 @@ class BodySteps:
 
     def recording(self, q: FloatArray, u: FloatArray) -> Recording:
         """A recording with the coordinates and speeds that the engine's program has read."""
-        found = self._samples.recording()
+        found = self.samples.recording()
         potential = found.potential_energy - self.spread.extra_potential_energy
         found = replace(found, q=q, u=u, potential_energy=potential)
         if self.forces is not None:
@@ -77,7 +77,7 @@ class BodySteps:
         joints leaves the angle short of it. It has opened where its gap is more than the engine's
         slop, or at the end after the longest of its pauses.
         """
-        opened = np.flatnonzero(self._samples.gap(stop) > self.slop)
+        opened = np.flatnonzero(self.samples.gap(stop) > self.slop)
         end = int(opened[0]) if len(opened) else len(torque)
         pushing = np.flatnonzero(torque[:end] > 0.0)
         if not len(pushing):
@@ -87,7 +87,8 @@ class BodySteps:
         return float(self.t[pushing[-1] + 1]) if ended else None
 
     @cached_property
-    def _samples(self) -> NodeSamples:
+    def samples(self) -> NodeSamples:
+        """The same as samples of the scene."""
         return NodeSamples(self.scene, self.t, self.states.reshape(len(self.t), -1))
 
     def _reactions(self, forces: FloatArray) -> dict[str, FloatArray]:
@@ -97,7 +98,7 @@ class BodySteps:
         ]
         reactions: dict[str, FloatArray] = {}
         for index, joint in enumerate(holding):
-            _, velocity = self._samples.point(joint.child, joint.child_point)
+            _, velocity = self.samples.point(joint.child, joint.child_point)
             acceleration = np.diff(velocity * MIRROR, axis=0) / np.diff(self.t)[:, None]
             reactions[joint.name] = _last_repeated(
                 self.spread.reaction(joint.name, forces[:, index] * MIRROR, acceleration)

@@ -3,13 +3,13 @@
 const R = require("@dimforge/rapier2d-compat");
 const { Scene, run, vector } = require(process.argv[2]);
 
-function makeBody(world, given) {
+function makeBody(world, given, canSleep) {
   return world.createRigidBody(
     R.RigidBodyDesc.dynamic()
       .setTranslation(...given.position)
       .setLinvel(...given.velocity)
       .setAngvel(given.speed)
-      .setCanSleep(false)
+      .setCanSleep(canSleep)
       .setAdditionalMassProperties(given.mass, { x: 0, y: 0 }, given.inertia));
 }
 
@@ -21,12 +21,25 @@ const JOINTS = {
 
 // Rapier knows the angle of a pin within half a turn only. The nearest of its stops is put at the angle 0 of the
 // joint's frames, and the limit is on while the joint is within a quarter turn of it.
+// With `move` false all its stops are set as they are, from the joint's angle at the start.
 class Limit {
-  constructor(world, joint, stops) {
-    Object.assign(this, { world, joint, stops, set: undefined });
+  constructor(world, joint, stops, move) {
+    Object.assign(this, { world, joint, stops, move, set: undefined });
+  }
+
+  setAll() {
+    const active = this.stops.filter((stop) => stop.active);
+    if (active.length === this.set) return;
+    this.set = active.length;
+    const ends = (side) => active.filter((stop) => stop.side === side).map((stop) => stop.angle);
+    this.joint.setLimits(Math.max(-Math.PI, ...ends(1)), Math.min(Math.PI, ...ends(-1)));
   }
 
   update(angle) {
+    if (!this.move) {
+      this.setAll();
+      return;
+    }
     const away = (stop) => Math.abs(angle - stop.angle);
     const near = this.stops.filter((stop) => stop.active && away(stop) < Math.PI / 2);
     const [nearest] = near.sort((a, b) => away(a) - away(b));
@@ -51,13 +64,13 @@ class RapierScene extends Scene {
     this.world.numSolverIterations = given.substeps;
     this.world.numInternalPgsIterations = given.passes;
     this.ground = this.world.createRigidBody(R.RigidBodyDesc.fixed());
-    this.bodies = given.bodies.map((body) => makeBody(this.world, body));
+    this.bodies = given.bodies.map((body) => makeBody(this.world, body, given.canSleep));
     this.angles = given.bodies.map(() => 0);
     const joints = given.joints.map((joint) =>
       this.world.createImpulseJoint(JOINTS[joint.kind](joint), this.body(joint.a), this.body(joint.b), true));
     this.limits = [...new Set(this.stops.map((stop) => stop.joint))].map((index) => ({
       joint: given.joints[index],
-      limit: new Limit(this.world, joints[index], this.stops.filter((stop) => stop.joint === index)),
+      limit: new Limit(this.world, joints[index], this.stops.filter((stop) => stop.joint === index), given.moveLimits),
     }));
     this.updateLimits();
   }

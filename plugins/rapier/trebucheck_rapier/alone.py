@@ -1,0 +1,117 @@
+"""Rapier by itself: its own joints and limits, its own step from start to end.
+
+A body is a dynamic body with additional mass properties, a pin a revolute joint, a slider a
+prismatic joint, a weld a fixed joint, all of them impulse joints. A stop is the limit of a revolute
+joint, set once, and stays there for the whole run; those that a release-once law leaves out are
+left out. Springs, dampers and motors are forces and torques that are given to the bodies before
+each step.
+
+The run is the program that :func:`script` writes, which Node.js runs; see
+:mod:`trebucheck_toolkit.node_program` for how to do so and what it prints.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from trebucheck.engines.point_masses import NoPointMasses, spread_masses
+from trebucheck.engines.protocol import Recording
+from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import BodySteps
+from trebucheck_toolkit.node_program import node_program
+from trebucheck_toolkit.node_scene import MIRROR, Json, lawful_stops
+
+from .bridge import RAPIER
+from .build import Built
+from .motion import releases
+from .options import OWN, RapierOptions
+
+
+def run_alone(problem: Problem, options: RapierOptions) -> Recording:
+    """Step Rapier from the start to a problem's end or just beyond, and read its bodies.
+
+    Raises:
+        UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.
+    """
+    spread, built = _built(problem, options)
+    found = RAPIER.run(_program(problem, options, spread, built))
+    arrays = {name: np.array(values, dtype=np.float64) for name, values in found.items()}
+    states = arrays["states"][:, 1:]  # without the ground
+    steps = BodySteps(problem, built, spread, arrays["t"], states)
+    recording = steps.recording(arrays["q"], arrays["u"])
+    return replace(recording, release_times=releases(steps.samples, options.opening))
+
+
+def script(problem: Problem, options: RapierOptions) -> str:
+    """The program of a run.
+
+    Raises:
+        UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.
+    """
+    return _program(problem, options, *_built(problem, options))
+
+
+def _built(problem: Problem, options: RapierOptions) -> tuple[NoPointMasses, Built]:
+    spread = spread_masses(problem.mechanism, options.least_inertia, "rapier")
+    return spread, Built(spread.mechanism, options.carriage)
+
+
+def limits_once(problem: Problem, built: Built) -> dict[int, tuple[float, float]]:
+    """Limits of joints by their index, clockwise angles from the start [rad].
+
+    Raises:
+        UnsupportedProblemError: a stop is half a turn or more from the start.
+    """
+    ranges: dict[int, tuple[float, float]] = {}
+    for stop in lawful_stops(problem):
+        made = built.stop(stop)
+        joint, angle = made["joint"], made["angle"]
+        if abs(angle) >= math.pi:
+            raise UnsupportedProblemError(
+                f"our adapter sets limits of Rapier's joints within half a turn from the start, as "
+                f"Rapier knows an angle within that; stop {stop.name!r} is {angle:.3g} rad from it."
+            )
+        low, high = ranges.get(joint, (-math.pi, math.pi))
+        at_least = made["side"] > 0
+        ranges[joint] = (
+            max(low, angle) if at_least else low,
+            high if at_least else min(high, angle),
+        )
+    return ranges
+
+
+def _program(problem: Problem, options: RapierOptions, spread: NoPointMasses, built: Built) -> str:
+    limits, joints = limits_once(problem, built), list[Json]()
+    names = {index: name for name, index in built.index.items()}
+    for index, joint in enumerate(built.joints):
+        ends = {"a": names[joint["a"]], "b": names[joint["b"]]}
+        joints.append({**ends, "call": _call(joint), "limits": limits.get(index)})
+    return node_program(
+        __name__,
+        built,
+        problem,
+        options.timestep,
+        options=options,
+        own=OWN,
+        gravity=np.array(built.mechanism.gravity_vector) * MIRROR + 0.0,
+        moves_mass=bool(spread.moved),
+        joints=joints,
+    )
+
+
+def _call(joint: Json) -> str:
+    """The call of a joint's data."""
+
+    def vector(name: str) -> str:
+        x, y = (value + 0.0 for value in joint[name])
+        return f"{{ x: {x!r}, y: {y!r} }}"
+
+    first, second = vector("pointA"), vector("pointB")
+    return {
+        "pin": lambda: f"R.JointData.revolute({first}, {second})",
+        "slide": lambda: f"R.JointData.prismatic({first}, {second}, {vector('axis')})",
+        "weld": lambda: f"R.JointData.fixed({first}, 0, {second}, 0)",
+    }[joint["kind"]]()
