@@ -217,7 +217,8 @@ def write_work() -> None:
     write_picture(drawn, ROOT / "docs" / "pictures" / "work.svg")
     text = (
         "![Error of the projectile against processor time and against steps, for each engine and "
-        f"preset](docs/pictures/work.svg)\n\n{work.caption(lines, results.machine_text)} "
+        "preset](docs/pictures/work.svg)<br>**What it costs**: the fixed machine up to its launch. "
+        f"{work.caption(lines, results.machine_text)} "
         "`trebucheck compare --sweep` draws it for every quantity, on your computer.\n"
     )
     readme = ROOT / "README.md"
