@@ -435,7 +435,7 @@ class Ladder(NamedTuple):
 
         Args:
             characteristic_time: of the machine [s].
-            end: of the compared motion [s]; no step is longer than half of it.
+            end: of the compared motion [s]; no step is longer than a third of it.
         """
         steps: list[float] = []
         moderate = min(characteristic_time * _MODERATE, end / _FEWEST)
@@ -519,11 +519,6 @@ class Search:
     jobs: int = 1  # neighbours that are run at once
     starts: Callable[[str], None] = lambda _: None
     """Called with the name of each set before it is followed."""
-    _order: list[int] = field(default_factory=list[int], init=False)
-    """Indices of the machines, those first that the last sets did worst on."""
-
-    def __post_init__(self) -> None:
-        self._order = list(range(len(self.cases)))
 
     def sweeps(self, sets: Sequence[OptionSet], bound: float = math.inf) -> list[Sweep]:
         """Follow each set as far as it may be among the cheapest.
@@ -637,15 +632,17 @@ class Search:
     def _verify(self, sweep: Sweep, index: int, bound: float) -> None:
         """Find the longest step, up to one, that reaches the target on all machines.
 
-        At a shorter step all machines are run anew, the one that missed the target first.
+        At a shorter step all machines are run anew, those first that missed the target. Nothing
+        here depends on what was found with other sets, whose order follows from measured costs.
         """
+        order = list(range(len(self.cases)))
         while True:
-            failed = self._first_to_fail(sweep, index)
+            failed = self._first_to_fail(sweep, index, order)
             if failed is None:
                 sweep.reached = sweep.rungs[self.ladder.steps[index]]
                 return
-            self._order.remove(failed)
-            self._order.insert(0, failed)
+            order.remove(failed)
+            order.insert(0, failed)
             shorter = self._shorter(sweep, failed, index)
             if shorter is None:
                 return
@@ -654,13 +651,12 @@ class Search:
                 sweep.note = "a shorter step would cost more than what is recommended"
                 return
 
-    def _first_to_fail(self, sweep: Sweep, index: int) -> int | None:
-        """The first machine, in the order of hardness, that misses the target at a step."""
+    def _first_to_fail(self, sweep: Sweep, index: int, order: Sequence[int]) -> int | None:
+        """The first machine, in this order, that misses the target at a step."""
 
         def ratio(case: int) -> float:
             return self._ratio(sweep, case, index)
 
-        order = list(self._order)
         with closing(in_order(ratio, order, self.jobs, ahead=2 * self.jobs)) as ratios:
             for case, value in zip(order, ratios, strict=True):
                 if value > 1:
