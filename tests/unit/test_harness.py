@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import json
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -602,3 +603,15 @@ def test_a_comparison_without_engines_is_the_reference_alone() -> None:
     found = tb.compare(["fixed"], [])
     assert not found.results.runs and not found.passed  # nothing was judged
     assert found.solutions["fixed"].launch is not None
+
+
+@pytest.mark.parametrize(("cores", "load", "idle"), [(8, 0.0, 8), (8, 2.4, 6), (2, 7.0, 1)])
+def test_as_many_processes_as_cores_are_idle(
+    cores: int, load: float, idle: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0), raising=False)
+    study = Study(["fixed"], ["reference"])
+    assert study.at_once == 1 and study.on_idle_cores().at_once == idle
+    assert replace(study, jobs=3).on_idle_cores().at_once == 3
+    assert replace(study, isolate=False).on_idle_cores().at_once == 1
