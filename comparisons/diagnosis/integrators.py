@@ -41,7 +41,7 @@ _Step = Callable[[_Rate, float, FloatArray, FloatArray], _State]
 
 
 @dataclass(frozen=True)
-class Rule:
+class IntegrationRule:
     """A rule of steps of one length."""
 
     name: str
@@ -135,20 +135,20 @@ def _solved(
 
 
 RULES = (
-    Rule("explicit Euler", 1, _explicit_euler),
-    Rule("semi-implicit Euler", 1, _semi_implicit_euler),
-    Rule("semi-implicit Euler, coordinates first", 1, _places_first),
-    Rule("implicit Euler", 1, _implicit_euler),
+    IntegrationRule("explicit Euler", 1, _explicit_euler),
+    IntegrationRule("semi-implicit Euler", 1, _semi_implicit_euler),
+    IntegrationRule("semi-implicit Euler, coordinates first", 1, _places_first),
+    IntegrationRule("implicit Euler", 1, _implicit_euler),
     # Of second order where no force depends on speeds
-    Rule("leapfrog with forces of old speeds", 1, _leapfrog_of_old_speeds),
-    Rule("leapfrog, kick-drift-kick", 1, _kick_drift_kick),
-    Rule("leapfrog, drift-kick-drift", 1, _drift_kick_drift),
-    Rule("explicit midpoint rule", 2, _midpoint),
-    Rule("Heun's rule", 2, _heun),
-    Rule("leapfrog", 2, _leapfrog),
-    Rule("trapezoidal rule", 2, _trapezoidal_rule),
-    Rule("implicit midpoint rule", 2, _implicit_midpoint),
-    Rule("Runge and Kutta's rule", 4, _runge_kutta),
+    IntegrationRule("leapfrog with forces of old speeds", 1, _leapfrog_of_old_speeds),
+    IntegrationRule("leapfrog, kick-drift-kick", 1, _kick_drift_kick),
+    IntegrationRule("leapfrog, drift-kick-drift", 1, _drift_kick_drift),
+    IntegrationRule("explicit midpoint rule", 2, _midpoint),
+    IntegrationRule("Heun's rule", 2, _heun),
+    IntegrationRule("leapfrog", 2, _leapfrog),
+    IntegrationRule("trapezoidal rule", 2, _trapezoidal_rule),
+    IntegrationRule("implicit midpoint rule", 2, _implicit_midpoint),
+    IntegrationRule("Runge and Kutta's rule", 4, _runge_kutta),
 )
 """Rules that engines and programs of one's own follow."""
 
@@ -178,7 +178,7 @@ def _reference_step(case: Case) -> float:
     return float(np.median(np.concatenate(steps)))
 
 
-def _signatures(case: Case, unit: float) -> dict[Rule, FloatArray]:
+def _signatures(case: Case, unit: float) -> dict[IntegrationRule, FloatArray]:
     """Signatures to first order, of the step for which a rule's error is measured."""
 
     def forcing(segment: Segment, times: FloatArray, y: FloatArray) -> FloatArray:
@@ -199,7 +199,7 @@ def _signatures(case: Case, unit: float) -> dict[Rule, FloatArray]:
 
     n = case.motion.q.shape[1]
     changes = response(case.solution, np.zeros((2 * n, len(RULES))), forcing, case.t)
-    signatures: dict[Rule, FloatArray] = {}
+    signatures: dict[IntegrationRule, FloatArray] = {}
     for rule, change in zip(RULES, changes, strict=True):
         q, u = case.motion.q + change[:, :n], case.motion.u + change[:, n:]
         signatures[rule] = _seen(case, q, u)
@@ -213,12 +213,12 @@ def _seen(case: Case, q: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def _carried_out(
-    case: Case, signatures: dict[Rule, FloatArray], unit: float
-) -> Iterator[tuple[float, Rule, float]]:
+    case: Case, signatures: dict[IntegrationRule, FloatArray], unit: float
+) -> Iterator[tuple[float, IntegrationRule, float]]:
     """Share, rule and step [s] of what fits some part of the motion, carried out on all of it."""
 
     @cache
-    def share(rule: Rule, h: float) -> tuple[float, float]:
+    def share(rule: IntegrationRule, h: float) -> tuple[float, float]:
         """Share of the deviation, and the factor that the signature fits it with."""
         states = _motion(case, rule, h)
         if states is None:
@@ -228,7 +228,7 @@ def _carried_out(
 
     for part in WINDOWS:
         n = first_part(case, part)
-        fits: list[tuple[float, Rule, float]] = []
+        fits: list[tuple[float, IntegrationRule, float]] = []
         for rule, signature in signatures.items():
             (factor,), explained = fit(case.deviation[:n], signature[None, :n])
             if explained >= _WORTH and factor > 0:
@@ -261,7 +261,7 @@ def _whole_part(interval: float, h: float) -> float:
     return whole if abs(whole - h) <= _WHOLE * h else h
 
 
-def _motion(case: Case, rule: Rule, h: float) -> _State | None:
+def _motion(case: Case, rule: IntegrationRule, h: float) -> _State | None:
     """States of a motion by a rule and step [s], at the case's times; None where there are none."""
     end = float(case.t[-1])
     count = int(np.ceil(end / h * (1 - 1e-12)))

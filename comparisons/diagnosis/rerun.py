@@ -112,7 +112,7 @@ class Rerun:
         return 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
 
     def _alone(self, case: Case, setting: _Setting) -> RankedCause:
-        """What a setting takes out alone; of a step, with the order by which the error falls."""
+        """Share that a setting takes out alone; of a step, with the order of the error."""
         size = float(np.linalg.norm(case.deviation))
         left = self._left(case, setting.options)
         if left is None:
@@ -191,7 +191,7 @@ def _share(left: FloatArray, size: float) -> float:
 
 
 def _presets_beyond(engine: Engine, settings: Sequence[_Setting]) -> Iterator[tuple[_Setting, ...]]:
-    """What the presets after an engine's own set otherwise, but for the step, by the cause."""
+    """Options that the presets after an engine's own set otherwise, but for the step, by cause."""
     options, known = engine.settings, presets_of(engine.name)
     if engine.preset not in known:
         return
