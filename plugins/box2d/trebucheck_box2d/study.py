@@ -46,6 +46,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
             "limits that stay",
             "a stop that is open for good is met again",
             Intervention({"keep_limits": False}),
+            after=("limits at the stops",),
         ),
         Cause(
             "little inertia",

@@ -55,7 +55,7 @@ def run_alone(problem: Problem, options: PlanckOptions) -> Recording:
         scene,
         spread,
         arrays["t"],
-        arrays["states"][:, 1:],  # without the ground
+        arrays["states"],
         forces=forces.reshape(steps, joints, 2),
         torques={
             name: np.maximum(0.0, stop["side"] * pins[:, limited.index(stop["joint"])])

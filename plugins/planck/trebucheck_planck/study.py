@@ -51,6 +51,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
             "limits that stay",
             "a stop that is open for good is met again",
             Intervention({"keep_limits": False}),
+            after=("stops held from one side",),
         ),
         time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
     )

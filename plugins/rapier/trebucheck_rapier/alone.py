@@ -39,8 +39,7 @@ def run_alone(problem: Problem, options: RapierOptions) -> Recording:
     spread, built = _built(problem, options)
     found = RAPIER.run(_program(problem, options, spread, built))
     arrays = {name: np.array(values, dtype=np.float64) for name, values in found.items()}
-    states = arrays["states"][:, 1:]  # without the ground
-    steps = BodySteps(problem, built, spread, arrays["t"], states)
+    steps = BodySteps(problem, built, spread, arrays["t"], arrays["states"])
     recording = steps.recording(arrays["q"], arrays["u"])
     return replace(recording, release_times=releases(steps.samples, options.opening))
 

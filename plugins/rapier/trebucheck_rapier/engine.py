@@ -76,7 +76,7 @@ class RapierEngine(RapierOptions, BuiltinEngine):
         **OWN,
         "allow_sleep": True,
     }
-    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
+    settings_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, "timestep": 2.5e-4}
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.MODEL,

@@ -9,9 +9,7 @@ An engine's own part is its template `alone.mjs.j2`, with functions
 
 - `state(name)`: x, y, angle, and their rates of a body;
 - `apply(name, force, torque)`: given to a body for the next step;
-- `step()`: takes a step, and returns numbers that it tells of it;
-
-and an object `bodies`, by name.
+- `step()`: takes a step, and returns numbers that it tells of it.
 """
 
 from __future__ import annotations
@@ -53,14 +51,13 @@ def node_program(
         values: of the engine's part, which has `names` of the bodies and `text` besides.
     """
     mechanism = scene.mechanism
-    names = [body.name for body in mechanism.bodies]
-    engine = filled_template(
-        module, "alone.mjs.j2", scene=scene, names=[*names, *scene.others], text=_text, **values
-    )
+    names = [*(body.name for body in mechanism.bodies), *scene.others]
+    engine = filled_template(module, "alone.mjs.j2", scene=scene, names=names, text=_text, **values)
     return filled_template(
         __name__,
         "program.mjs.j2",
         engine=engine,
+        names=names,
         timestep=timestep,
         steps=whole_steps(problem.duration, timestep),
         loads=[line for each in mechanism.force_elements for line in _LOADS[each](scene, each)],
