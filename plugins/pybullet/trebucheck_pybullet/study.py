@@ -31,6 +31,9 @@ _CONVERGED = {"solver_iterations": 500, "solver_threshold": 0.0}
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    step = time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT})
+    if settings["mode"] == "dynamics":  # the others are of Bullet's own steps
+        return (step,)
     return (
         Cause(
             "damping",
@@ -47,7 +50,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
             "semi-implicit Euler with limits solved by iteration, releases at a step's end",
             Intervention({"mode": "dynamics"}),
         ),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+        step,
     )
 
 
