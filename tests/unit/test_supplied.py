@@ -104,8 +104,13 @@ def test_an_adapter_that_uses_a_shared_driver_says_so(path: Path) -> None:
     """Of the plug-ins here, by their text: their engines are not installed."""
     text = path.read_text(encoding="utf-8")
     declared = text.partition("def supplied")[2].partition("def ")[0]
+    declared += text.partition("assistance: ClassVar")[2].partition("def ")[0]
     assert declared
-    for call, names in (("EventDriver(", "HELD|MOVED"), ("LimitedMotion(problem, tree", "LIMITED")):
+    drivers = (
+        ("EventDriver(", r"HELD|MOVED|Part\.EVENTS"),
+        ("LimitedMotion(problem, tree", r"LIMITED|Part\.ELEMENTS"),
+    )
+    for call, names in drivers:
         assert call not in text or re.search(names, declared), (
             f"it calls {call}...) and does not say so"
         )
