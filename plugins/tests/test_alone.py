@@ -56,6 +56,11 @@ CASES: Mapping[str, Case] = {
         | {"limit_stiffness", "limit_damping", "limit_transition"},
         ("fixed", "rolling", "slider-crank", "squeezer", "spring-pendulum", "damped-oscillator"),
     ),
+    # Springs on joints, which its default leaves out, are in its own tests.
+    "newton": Case(
+        frozenset({"timestep", "solver", "limit_frequency", "angular_damping", "iterations"}),
+        ("fixed", "double-pendulum", "bead"),
+    ),
     # Each run of it is compiled for some ten seconds.
     "mjx": Case(
         frozenset({"timestep", "precision", "integrator", "solver", "tolerance", "iterations"})

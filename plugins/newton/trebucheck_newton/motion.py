@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import newton
 import numpy as np
@@ -17,6 +18,15 @@ from trebucheck_toolkit.schemes import State
 
 from .tree import NewtonTree
 
+MUJOCO: Mapping[str, Any] = {
+    "use_mujoco_cpu": True,
+    "integrator": "rk4",
+    "disable_contacts": True,
+    "iterations": 100,
+    "tolerance": 0.0,
+}
+"""Arguments of `SolverMuJoCo`."""
+
 
 class Motion(StepAhead):
     """The solver, whose limits stay where they are when they have opened."""
@@ -26,14 +36,7 @@ class Motion(StepAhead):
         self.places = JointLimits(self.to, "newton").places
         self.applied = AppliedForces(Kinematics(problem.mechanism))
         self.closed = [stop.name for stop in problem.mechanism.stops if stop.closed]
-        solver = newton.solvers.SolverMuJoCo(
-            tree.model,
-            use_mujoco_cpu=True,
-            integrator="rk4",
-            disable_contacts=True,
-            iterations=100,
-            tolerance=0.0,
-        )
+        solver = newton.solvers.SolverMuJoCo(tree.model, **MUJOCO)
         tree.solve_by(solver, *(["qfrc_constraint"] if self.closed else []))
         q, u = initial_state(problem.mechanism)
         tree.place(self.to.positions(q), self.to.speeds(u))

@@ -2,27 +2,58 @@
 
 from __future__ import annotations
 
-from trebucheck.engines.presets import ASSISTED, DEFAULT
+from typing import Any
+
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
+    SETTINGS_SET,
     EngineStudy,
     MaintainersNote,
+    OptionSet,
     StepOrder,
     Tolerance,
 )
-from trebucheck_toolkit.scheme_tables import EULER_STEPS, EULER_TOLERANCES
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
+
+PYTHON = "Newton in Python"
+_FLOOR = StepOrder(
+    None,
+    "MuJoCo's RK4 between states of single precision, whose floor it is at",
+    "RK4, joint coordinates",
+)
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
+
 
 STUDY = EngineStudy(
     step_orders={
-        ASSISTED: StepOrder(
+        DEFAULT: StepOrder(
             None,
-            "MuJoCo's RK4 between states of single precision, whose floor it is at",
-            "RK4, joint coordinates",
+            "joints are corrected in two iterations a step, whatever its length",
+            "position-based dynamics of bodies",
         ),
-        DEFAULT: EULER_STEPS,
+        SETTINGS: _FLOOR,
+        ASSISTED: _FLOOR,
     },
-    option_sets=(DEFAULT_SET, ASSISTED_SET),
+    option_sets=(
+        DEFAULT_SET,
+        OptionSet("50 iterations", "default, with 50 iterations", DEFAULT, {"iterations": 50}),
+        OptionSet(
+            "Featherstone",
+            "settings, by SolverFeatherstone without its damping",
+            SETTINGS,
+            {"solver": "featherstone"},
+        ),
+        SETTINGS_SET,
+        ASSISTED_SET,
+    ),
     single_precision=lambda _: True,
     tolerances=(
         Tolerance(
@@ -33,16 +64,17 @@ STUDY = EngineStudy(
             1,
             "at a step's end, of limits that have settled in 0.1 s",
         ),
-        *EULER_TOLERANCES,
     ),
+    snippets=_snippets,
     title="Newton",
     binding="the Python wheel `newton`, on the processor",
     maintainers_note=MaintainersNote(
-        chosen="`SolverMuJoCo` by RK4 in the place of `SolverFeatherstone`: "
-        "{{ plain.agrees }} problems agree with the one, {{ best.agrees }} with the other.",
-        not_possible="A state has single precision between steps with either solver; "
-        "`SolverFeatherstone` tells no torques of its limits, and its joint forces are wrong "
-        "at any step. Our adapter builds no loops and no stops on points.",
+        chosen="Its default is the first example's `SolverXPBD`, of which nothing is set; "
+        "`SolverMuJoCo` by RK4 is what its options reach: {{ plain.agrees }} problems agree with "
+        "the one, {{ alone.agrees }} with the other.",
+        not_possible="A state has single precision between steps with any solver; our adapter "
+        "builds no loops, no stops on points, and springs on joints alone, though Newton has "
+        "loop joints and contacts.",
         would_change="A state in double precision, and limits that begin with their force.",
     ),
     colour="#76b900",

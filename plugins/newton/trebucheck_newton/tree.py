@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import newton
@@ -14,7 +15,7 @@ from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.schemes import State
 
-from .build import Built, turn_of
+from .build import Built, JointSpring, turn_of
 
 
 class NewtonTree:
@@ -27,12 +28,15 @@ class NewtonTree:
         self,
         mechanism: Mechanism,
         limits: dict[int, tuple[float, float]],
-        frequency: float,
+        frequency: float | None,
         timestep: float = 1e-3,
+        springs: Mapping[int, JointSpring] = MappingProxyType({}),
+        *,
+        whole_joints: bool = False,
     ) -> None:
-        """Build it, with the ranges of its coordinates and the limits' frequency [rad/s]."""
+        """Build it, with the ranges of its coordinates and further arguments as :class:`Built`."""
         self.mechanism, self.timestep = mechanism, timestep
-        self.built = Built(mechanism, limits, frequency)
+        self.built = Built(mechanism, limits, frequency, springs, whole_joints=whole_joints)
         self.model: Any = self.built.model
         self.now, self.next, self.control = (
             self.model.state(),
@@ -120,11 +124,15 @@ class NewtonTree:
             self.now, self.next, self.control, None, self.timestep, observables=self.told
         )
         self.now, self.next = self.next, self.now
-        told = self.told.body_parent_f.numpy()
+        told = self.wrenches()
         return {
-            joint.name: told[self.built.bodies[joint.child]][:2].astype(float)
+            joint.name: told[self.built.bodies[joint.child]][:2]
             for joint in self.mechanism.tree_joints
         }
+
+    def wrenches(self) -> FloatArray:
+        """Force and moment about its centre of mass on each body by its joint, in the last step."""
+        return self.told.body_parent_f.numpy().astype(float)
 
     # --- What it shows
     # ---------------------------------------------------------------------------------------------
