@@ -82,6 +82,11 @@ class Alone:
         self.mechanism, self.options = mechanism, options
         self.moves_bodies = options.solver == "xpbd"
         self.massive = NoPointMasses(mechanism, _LEAST_INERTIA) if self.moves_bodies else None
+        for name in self.massive.added if self.massive else ():
+            raise UnsupportedProblemError(
+                f"our adapter gives a point mass the inertia that SolverXPBD needs by mass moved "
+                f"along its pin; {name!r} has no pin that it could be moved along."
+            )
         self.to = JointCoordinates(mechanism)
         q, u = initial_state(mechanism)
         self.start, self.start_speeds = self.to.positions(q), self.to.speeds(u)
