@@ -15,12 +15,12 @@ from trebucheck.comparisons.diagnosis.case import PATIENCE, Case, fit
 from trebucheck.comparisons.diagnosis.faults import Component, Fault
 from trebucheck.comparisons.diagnosis.fit import (
     Fit,
-    _first,
     _Lead,
     _leads,
     _solved,
     better,
     faults_at_the_same_motion,
+    first_part,
 )
 from trebucheck.comparisons.runs.results import RankedCause
 from trebucheck.models.elements import GROUND
@@ -170,7 +170,7 @@ def test_a_size_is_corrected_by_the_first_part_of_the_motion_then_by_more(
 
 def test_the_first_part_of_a_motion_is_so_many_of_its_times() -> None:
     case = _case(SHAPE)
-    assert [_first(case, part) for part in (0.01, 0.08, 0.3, 1.0)] == [2, 4, 16, 50]
+    assert [first_part(case, part) for part in (0.01, 0.08, 0.3, 1.0)] == [2, 4, 16, 50]
 
 
 @pytest.mark.parametrize(
