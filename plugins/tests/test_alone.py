@@ -59,7 +59,7 @@ CASES: Mapping[str, Case] = {
     # Springs on joints, which its default leaves out, are in its own tests.
     "newton": Case(
         frozenset({"timestep", "solver", "limit_frequency", "angular_damping", "iterations"}),
-        ("fixed", "double-pendulum", "bead"),
+        ("fixed", "double-pendulum", "welded-rods"),
     ),
     # Each run of it is compiled for some ten seconds.
     "mjx": Case(
