@@ -63,6 +63,7 @@
     for (const figure of document.querySelectorAll("figure.plot, section.animation")) {
       const outer = figure.getBoundingClientRect();
       for (const drawing of figure.querySelectorAll(".panel svg, canvas")) {
+        if (drawing.closest("[hidden]")) continue; // a plot that was chosen before keeps its drawing
         const box = drawing.getBoundingClientRect();
         if (!box.width || box.left < outer.left - 1 || box.right > outer.right + 1 || box.bottom > outer.bottom + 1) found.push(`a drawing leaves ${this.name(figure)}`);
       }
