@@ -5,19 +5,20 @@
 # make all      set up all distributions here: core, paper, environments, importers, toolkit
 # make quick    the fast tier: no engine simulates (under a minute)
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
+# make results  the built-in engines on all problems: docs/results/*.json (an hour)
 # make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
 # make mujoco3  the MuJoCo adapter and the files on the least MuJoCo that is supported
 # make docs     the documentation as a site, in site/
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-SOURCES := $(shell git ls-files '*.py' 'models/mjcf' '*.json' '*.j2' '*.js' '*.css' 2>/dev/null) pyproject.toml
+SOURCES := $(shell git ls-files '*.py' 'models/mjcf' 'comparisons/data' '*.json' '*.j2' '*.js' '*.css' 2>/dev/null) pyproject.toml
 OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 
 PLUGINS ?= $(filter-out toolkit,$(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml)))
 SATELLITES := ./environments ./importers ./plugins/toolkit
 
-.PHONY: report test test-all all quick lint types generated docs benchmark plugins importers mujoco3 clean
+.PHONY: report test test-all all quick lint types generated docs benchmark plugins results importers mujoco3 clean
 
 # Wheels are installed, not the checkout: that proves that they are complete, and is what type checkers resolve.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -77,9 +78,16 @@ docs: $(VENV)/installed
 benchmark: $(VENV)/installed
 	$(BIN)/python benchmarks/launch.py
 
+# Kept with results: the commit of the code, and a mark where the code differs from it.
+CODE := models reference engines comparisons conformance plugins/*/*/*.py plugins/*/*/*.cjs constraints.txt
+COMMIT = $(shell git rev-parse --short=8 HEAD)$(shell git diff --quiet HEAD -- $(CODE) || echo +changes)
+
 BUDGET ?= 120
 plugins:
-	$(PYTHON) plugins/run.py . --budget $(BUDGET) $(PLUGINS)
+	$(PYTHON) plugins/run.py . --budget $(BUDGET) --commit "$(COMMIT)" $(PLUGINS)
+
+results: $(VENV)/satellites
+	COMMIT="$(COMMIT)" $(BIN)/python docs/generate.py results
 
 importers: $(VENV)/satellites
 	$(PYTHON) importers/run.py $(abspath $(BIN)/trebucheck) $(IMPORTERS); \

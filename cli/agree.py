@@ -183,12 +183,13 @@ _SUFFIXES = {
 
 
 @command(
-    "files quiet json",
+    "files commit quiet json",
     folder(None, "File to write: .html, .md, or .json, which matrix reads again; none by default."),
     files=argument(
         "results.json of compare, converge.json of converge, .json of matrix; or their folders.",
         list[Path],
     ),
+    commit=option("--commit", "Of trebucheck's sources, kept with runs that have none; a name."),
 )
 def matrix_command(call: Call) -> None:
     """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes.
@@ -217,7 +218,7 @@ def matrix_command(call: Call) -> None:
         if out.suffix not in (".html", ".md", ".json"):
             raise InputError(f"--out {output.printable(str(out))} must end in .html, .md or .json.")
         refuse_unwritable(out.parent, out.name)
-    matrix = matrix_of(call.files).made_by(call.command_line)
+    matrix = matrix_of(call.files, commit=call.commit).made_by(call.command_line)
     report, written = document(matrix), {}
     if out is not None:
         write_text(out, _in_format(report, matrix.to_json(), _SUFFIXES[out.suffix]))

@@ -203,7 +203,12 @@ def command(
 
     Returns:
         What Typer takes: the signature is made of the options, the help is the docstring.
+
+    Raises:
+        ValueError: an option of its own is not among the names.
     """
+    if unnamed := own.keys() - set(names.split()):
+        raise ValueError(f"options without a place in the help: {', '.join(sorted(unnamed))}")
     parameters = [Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context)]
     for name in names.split():
         option = own.get(name, OPTIONS.get(name))

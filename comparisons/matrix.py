@@ -147,6 +147,13 @@ class MatrixRun(OfEngine, Spec):
     )
     date: str = Field(description="of the file of runs, YYYY-MM-DD")
     made_by: str = Field(description="version of trebucheck")
+    commit: str | None = optional(None, "of trebucheck's sources; None: not kept in this file")
+
+    @property
+    def made_text(self) -> str:
+        """Version of trebucheck, commit and date that the run was made with."""
+        commit = "" if self.commit is None else f" at {self.commit}"
+        return f"trebucheck {self.made_by}{commit}, {self.date}"
 
     @model_validator(mode="before")
     @classmethod
@@ -317,6 +324,14 @@ class Matrix(ResultFile):
         """Presets of the runs, from what an engine does by itself to what is done for it."""
         return tuple(sorted({run.preset for run in self.runs}, key=preset_rank))
 
+    def of_commit(self, commit: str) -> Matrix:
+        """Returns the same, with this commit kept with the runs that have none."""
+        runs = tuple(
+            run.model_copy(update={"commit": commit}) if run.commit is None else run
+            for run in self.runs
+        )
+        return self.model_copy(update={"runs": runs})
+
     def run(self, label: str, problem: str) -> MatrixRun | None:
         """The run of an engine and preset on a problem; None if it was not made."""
         return next((run for run in self.of(label) if run.problem == problem), None)
@@ -362,7 +377,7 @@ _SAME_END = 1e-6  # of the end: horizons are computed, and other libraries round
 _Part = TypeVar("_Part", MatrixRun, MeasuredOrder, DynamicsCheck)
 
 
-def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
+def matrix(files: str | Path | Iterable[str | Path], *, commit: str | None = None) -> Matrix:
     """Put results of several comparisons together: engine x problem x quantity.
 
         >>> import trebucheck as tb
@@ -372,6 +387,7 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
     Args:
         files: one or several paths: of results.json of `compare`, converge.json of `converge` and
             data of `matrix`, or of folders with one.
+        commit: of trebucheck's sources, kept with the runs that have none; default: unknown.
 
     Raises:
         InputError: there is no file, a file is of another kind or broken, two files have the same
@@ -405,9 +421,10 @@ def matrix(files: str | Path | Iterable[str | Path]) -> Matrix:
         key=lambda problem: (classes.index(problem.group), problem.number, problem.name),
     )
     sweeps = tuple(_longest(sweep for _, part in parts for sweep in part.sweeps))
-    return Matrix.made_here(
+    found = Matrix.made_here(
         problems=tuple(ordered), runs=runs, orders=orders, dynamics=checks, sweeps=sweeps
     )
+    return found if commit is None else found.of_commit(commit)
 
 
 def _longest(sweeps: Iterable[CostSweep]) -> Iterable[CostSweep]:

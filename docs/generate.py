@@ -257,7 +257,11 @@ def write_commands() -> None:
 
 
 def write_results() -> None:
-    """Run the built-in engines on the paper's machines and all problems for the matrix (1 h)."""
+    """Run the built-in engines on the paper's machines and all problems for the matrix (1 h).
+
+    `COMMIT` in the environment names the sources that the results are kept with.
+    """
+    commit = os.environ.get("COMMIT", "unknown")
     models = ["fixed", "rolling", *(entry.name for entry in benchmarks())]
     today = datetime.now(UTC).date().isoformat()
     folder = ROOT / "docs" / "results"
@@ -265,10 +269,10 @@ def write_results() -> None:
         found = distilled(tb.compare(models, [name], sweep=True).results, today)
         swept = tb.converge("fixed", [name], knobs=["timestep"])
         found = found.model_copy(update={"orders": tuple(orders_of(swept))})
-        (folder / f"{name}.json").write_text(found.to_json() + "\n")
+        (folder / f"{name}.json").write_text(found.of_commit(commit).to_json() + "\n")
     swing = tb.Mechanism.from_json((ROOT / "plugins" / "free-swing.json").read_text())
     swung = distilled(tb.compare([swing], [*_STEPS], until=2.0).results, today)
-    (folder / "free-swing.json").write_text(swung.to_json() + "\n")
+    (folder / "free-swing.json").write_text(swung.of_commit(commit).to_json() + "\n")
 
 
 def kept_results() -> Matrix:

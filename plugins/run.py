@@ -6,7 +6,7 @@ or not, is not run again while trebucheck and the plug-in are the same files; `-
 it. What fails is listed at the end, and nothing else is lost.
 
 Called by `make plugins`; needs nothing but Python: python plugins/run.py SOURCE [--budget SECONDS]
-[--again] NAME...
+[--again] [--commit NAME] NAME...
 """
 
 from __future__ import annotations
@@ -56,6 +56,8 @@ class Plugin:
     again: bool
     only: tuple[str, ...] = ()
     """How the names of the stages begin that are asked for; all if empty."""
+    commit: str = ""
+    """Of trebucheck's sources, kept with the results; unknown if empty."""
     done: dict[str, tuple[int, float]] = field(default_factory=dict[str, tuple[int, float]])
     """Exit code and seconds of each stage."""
 
@@ -197,7 +199,10 @@ class Plugin:
         # Results tell their command.
         names = [str(path.relative_to(self.folder)) for path in sorted(found)]
         written, path = self.folder / "matrix.json", HERE / "results" / f"{self.name}.json"
-        code = self.call(self.trebucheck("matrix", *names, "--quiet", "--out", written.name), 600.0)
+        command = self.trebucheck("matrix", *names, "--quiet", "--out", written.name)
+        if self.commit:
+            command += ["--commit", self.commit]
+        code = self.call(command, 600.0)
         if not code:
             path.parent.mkdir(exist_ok=True)
             shutil.copyfile(written, path)
@@ -254,10 +259,11 @@ def main() -> int:
         default="",
         help="how the names of stages begin, comma-separated: compare E,matrix",
     )
+    parser.add_argument("--commit", default="", help="of the sources, kept with the results")
     given = parser.parse_args()
     only = tuple(filter(None, given.only.split(",")))
     plugins = [
-        Plugin(name, given.source.resolve(), given.budget, given.again, only)
+        Plugin(name, given.source.resolve(), given.budget, given.again, only, given.commit)
         for name in given.names
     ]
     for plugin in plugins:

@@ -628,3 +628,16 @@ def test_every_engine_of_the_kept_results_has_a_page_in_the_site_s_contents() ->
     assert {path.stem for path in (ROOT / "docs" / "engines").glob("*.md")} == engines
     contents = (ROOT / "mkdocs.yml").read_text()
     assert not [name for name in engines if f": engines/{name}.md\n" not in contents]
+
+
+def test_a_commit_is_kept_with_the_runs_that_have_none(tmp_path: Path) -> None:
+    old = Matrix.made_here(problems=(_problem(),), runs=(_run("a", 0.1),)).of_commit("0ld")
+    new = Matrix.made_here(problems=(_problem(),), runs=(_run("b", 0.1),))
+    for name, part in (("old", old), ("new", new)):
+        (tmp_path / f"{name}.json").write_text(part.to_json())
+    files = [tmp_path / "old.json", tmp_path / "new.json"]
+    unknown, both = matrix(files), matrix(files, commit="n3w")
+    assert {run.engine: run.commit for run in unknown.runs} == {"a": "0ld", "b": None}
+    assert {run.engine: run.commit for run in both.runs} == {"a": "0ld", "b": "n3w"}
+    text = markdown.text(engine_document(both, "b", EngineStudy(), "dispute"))
+    assert "at n3w" in text and "at 0ld" not in text

@@ -346,7 +346,7 @@ def _cell(run: MatrixRun, problem: MatrixProblem) -> GridCell:
         ("the engine's own", _own_text(run, own)),
         ("settings", _NOT_KEPT if run.settings is None else format_settings(run.settings)),
         *_cost([run]),
-        ("versions", f"{run.engine} {run.engine_version}, trebucheck {run.made_by}, {run.date}"),
+        ("versions", f"{run.engine} {run.engine_version}, {run.made_text}"),
     ]
     if any(error.judged is None for error in run.errors):
         facts.insert(0, ("quantities", "others are not kept in this file"))
@@ -758,7 +758,11 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
     title = study.title or engine
     version = _joined(run.engine_version for run in runs)
     binding = f", by {study.binding}" if study.binding else ""
-    made = f"trebucheck {_joined(run.made_by for run in runs)}, {_joined(r.date for r in runs)}"
+    made = _joined(run.made_text for run in runs)
+    if any(sweep.engine == engine and sweep.processor for sweep in matrix.sweeps):
+        made += ", costs on " + _joined(
+            sweep.processor for sweep in matrix.sweeps if sweep.engine == engine and sweep.processor
+        )
     blocks: list[doc.Block] = [
         doc.Text(f"{title} {version}{binding}. Runs by {made}."),
         doc.table(
