@@ -78,13 +78,14 @@ docs: $(VENV)/installed
 benchmark: $(VENV)/installed
 	$(BIN)/python benchmarks/launch.py
 
-# Kept with results: the commit of the code, and a mark where the code differs from it.
-CODE := models reference engines comparisons conformance plugins/*/*/*.py plugins/*/*/*.cjs constraints.txt
-COMMIT = $(shell git rev-parse --short=8 HEAD)$(shell git diff --quiet HEAD -- $(CODE) || echo +changes)
+# Kept with results: the last commit of the code that they follow from, and a mark where files differ from it.
+CODE := models reference engines comparisons conformance constraints.txt 'plugins/*/trebucheck_*'
+COMMIT = $(shell git log -1 --abbrev=8 --format=%h -- $(CODE))$(shell git diff --quiet HEAD -- $(CODE) || echo +changes)
 
 BUDGET ?= 120
+DIAGNOSE ?=
 plugins:
-	$(PYTHON) plugins/run.py . --budget $(BUDGET) --commit "$(COMMIT)" $(PLUGINS)
+	$(PYTHON) plugins/run.py . --budget $(BUDGET) --commit "$(COMMIT)" $(DIAGNOSE) $(PLUGINS)
 
 results: $(VENV)/satellites
 	COMMIT="$(COMMIT)" $(BIN)/python docs/generate.py results
