@@ -48,6 +48,7 @@ from trebucheck.comparisons.report.pages.matrix import (
 )
 from trebucheck.comparisons.runs.quantities import JUDGED, QUANTITIES, SYMBOLS
 from trebucheck.comparisons.runs.results import Outcome, Results
+from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import SCHEME_NAMES, EngineStudy, MaintainersNote
 from trebucheck.models.errors import InputError
 
@@ -570,6 +571,13 @@ def test_a_file_that_is_not_there_is_said_to_be_unreadable_and_not_to_be_of_anot
 )
 def test_the_results_of_the_page_name_no_place_on_a_machine(path: Path) -> None:
     assert not re.search(r"/(?:tmp|home|root|work|Users|var)/", path.read_text())
+
+
+def test_the_results_of_the_page_are_of_one_commit_and_of_today_s_presets() -> None:
+    runs = matrix(sorted(ROOT.glob("*/results/*.json"))).runs
+    assert len({run.commit for run in runs}) == 1
+    assert None not in {run.commit for run in runs}
+    assert {run.preset for run in runs if not run.is_dynamics} <= set(PRESETS)
 
 
 # The pages of engines

@@ -598,7 +598,8 @@ def _cheapest(matrix: Matrix) -> Iterator[doc.Block]:
     if not matrix.sweeps:
         yield doc.Text(f"{_CHEAPEST}: {_NOT_MEASURED}.")
         return
-    engines = sorted({run.engine for run in matrix.runs})
+    engines = sorted({sweep.engine for sweep in matrix.sweeps})
+    others = sorted({run.engine for run in matrix.runs} - {*engines})
     rows: list[tuple[str, ...]] = []
     for problem in matrix.problems:
         cells = [_cheapest_text(matrix, engine, problem.name) for engine in engines]
@@ -610,6 +611,7 @@ def _cheapest(matrix: Matrix) -> Iterator[doc.Block]:
         "Preset, step and processor time of the run that keeps every point within a thousandth of "
         "the longest way that a point goes, at the least cost of all steps that were tried; our "
         f"reading is taken out where it is told apart. {_joined(made)}; on {_joined(on)}."
+        + (f" {_NOT_MEASURED.capitalize()}: {', '.join(others)}." if others else "")
     )
     yield doc.table((doc.words("problem", wrap=False), *engines), rows, _CHEAPEST)
 
