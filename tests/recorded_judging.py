@@ -659,7 +659,11 @@ _OF_ROUNDING = ("everything", "ball")
 
 CASES: dict[str, Callable[[], Any]] = {
     **{f"measured-{n.replace(' ', '-')}": (lambda n=n: measured(n)) for n in _BUILT},
-    **{f"known-{n.replace(' ', '-')}": (lambda n=n: known(n)) for n in _BUILT if n not in _OF_ROUNDING},
+    **{
+        f"known-{n.replace(' ', '-')}": (lambda n=n: known(n))
+        for n in _BUILT
+        if n not in _OF_ROUNDING
+    },
     **{
         f"onsets-{n.replace(' ', '-')}": (lambda n=n: onsets(n))
         for n in ("fixed", "stop and floor", "sprung", "flat")
