@@ -59,7 +59,7 @@ class Plugin:
     commit: str = ""
     """Of trebucheck's sources, kept with the results; unknown if empty."""
     diagnose: bool = True
-    """Whether comparisons look for causes; without, they take a tenth of the time."""
+    """Whether comparisons look for causes, which is most of their time."""
     done: dict[str, tuple[int, float]] = field(default_factory=dict[str, tuple[int, float]])
     """Exit code and seconds of each stage."""
 
@@ -277,8 +277,8 @@ def main() -> int:
             given.budget,
             given.again,
             only,
-            given.commit,
-            not given.no_diagnose,
+            commit=given.commit,
+            diagnose=not given.no_diagnose,
         )
         for name in given.names
     ]

@@ -761,10 +761,9 @@ def engine_document(matrix: Matrix, engine: str, study: EngineStudy, dispute: st
     version = _joined(run.engine_version for run in runs)
     binding = f", by {study.binding}" if study.binding else ""
     made = _joined(run.made_text for run in runs)
-    if any(sweep.engine == engine and sweep.processor for sweep in matrix.sweeps):
-        made += ", costs on " + _joined(
-            sweep.processor for sweep in matrix.sweeps if sweep.engine == engine and sweep.processor
-        )
+    processors = [s.processor for s in matrix.sweeps if s.engine == engine and s.processor]
+    if processors:
+        made += f", costs on {_joined(processors)}"
     blocks: list[doc.Block] = [
         doc.Text(f"{title} {version}{binding}. Runs by {made}."),
         doc.table(
