@@ -15,7 +15,7 @@ from threading import Lock
 from typing import Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
-from ...engines.presets import PRESETS
+from ...engines.presets import DEFAULT, PRESETS
 from ...engines.protocol import Engine
 from ...engines.registry import (
     Engines,
@@ -373,7 +373,8 @@ class Study:
         """Engine for a mechanism; for a problem of the library a preset's step is scaled.
 
         It is meant for a characteristic time of 1 s. The library's problems last from hundredths
-        of a second to minutes: one step for all would say little of any.
+        of a second to minutes: one step for all would say little of any. The step of `default` is
+        the engine's own, and is the same for every mechanism, as it is for who sets nothing.
 
         Args:
             time: characteristic time of the mechanism's motion [s].
@@ -382,6 +383,8 @@ class Study:
         in_library = isinstance(self._models.get(model), Problem) and find_benchmark(model)
         options = options_for(made.name, self.options)
         if made.timestep is None or "timestep" in options or not in_library:
+            return made
+        if made.preset == DEFAULT:
             return made
         step = float(f"{made.timestep * time:.2g}")
         return registry.engine(made.name, made.preset, **{**options, "timestep": step})
