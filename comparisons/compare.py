@@ -13,8 +13,9 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+from ..engines.presets import SETTINGS
 from ..engines.protocol import Engine
-from ..engines.registry import Engines, Names
+from ..engines.registry import Engines, Names, presets_of
 from ..engines.registry import engine as make_engine
 from ..models.errors import InputError, SimulationError, UnwritableError
 from ..models.files import read_bytes
@@ -108,7 +109,7 @@ class MachineRuns:
 
     def __init__(self, study: Study, mechanism: Mechanism, worker: Worker) -> None:
         self.store, self._needs, self.diagnoses = study.store, study.needs, study.diagnose
-        self._sweeps = study.sweep
+        self._study, self._sweeps = study, study.sweep
         self.runner = Runner(mechanism, worker, study.end_of(mechanism), study.law_of(mechanism))
         self._made_by, kept = conditions(*self.runner.conditions), None
         if self.store is not None:
@@ -227,11 +228,20 @@ class MachineRuns:
     def _diagnosis(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis:
         """Made in a process: it solves and runs many changed mechanisms."""
         motions = trajectory, self.runner.solution, self.runner.end
-        diagnose = partial(diagnose_motion, run.broken, *motions, Rerun(engine, simulate))
+        rerun = Rerun(engine, simulate, self._finest(engine))
+        diagnose = partial(diagnose_motion, run.broken, *motions, rerun)
         try:
             return self.runner.worker.compute(diagnose, "the diagnosis")
         except Exception as error:
             return failed_diagnosis(run.broken, error)
+
+    def _finest(self, engine: Engine) -> float | None:
+        """Step of the engine's preset `settings` on this problem [s]; None where it has none."""
+        if SETTINGS not in presets_of(engine.name):
+            return None
+        made = self._study.engine(engine.name, SETTINGS)
+        time = self.machine.scales.time
+        return self._study.engine_for(self.machine.model, time, made).timestep
 
     def _errors(self, trajectory: Trajectory) -> RunErrors:
         reference = self.runner.reference(trajectory.t)

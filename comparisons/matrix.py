@@ -139,6 +139,7 @@ class MatrixRun(OfEngine, Spec):
     first_at: Real | None = optional(None, "when [s]; None: before any motion, or not kept")
     causes: tuple[str, ...] = optional((), "likeliest; empty where unknown or not looked for")
     explained: Real | None = optional(None, "share, by the first cause")
+    confirmed: bool = optional(False, "the first cause, by a run of the engine without it")
     settings: dict[str, JsonValue] | None = optional(None, "None: not kept in this file")
     steps: Annotated[int, Field(ge=0)] | None = optional(None, "None: not kept, or none was made")
     wall_time: Real | None = optional(None, "of the whole run, warm [s]; None: not kept, no run")
@@ -612,6 +613,7 @@ def _run(run: Run, machine: Machine | None, date: str, version: str) -> MatrixRu
         first_at=None if diagnosis is None or diagnosis.note else diagnosis.parts_at,
         causes=tuple(cause.name for cause in causes),
         explained=causes[0].explained if causes else None,
+        confirmed=bool(causes) and causes[0].confirmed,
         settings=run.settings,
         steps=run.steps or None,
         wall_time=run.wall_time,

@@ -58,7 +58,7 @@ from .faults import (
 )
 from .fit import Fit, better, faults_at_the_same_motion, fitting_faults
 from .integrators import integrator_causes
-from .rank import SAME, SUFFICIENT, TELLING, Estimate, measured, ranked
+from .rank import SAME, SUFFICIENT, TELLING, Estimate, measured, ranked, ranked_with_parts
 from .readings import NO_MOTION, Reading, all_readings, partly_late_readings
 from .rerun import Rerun
 
@@ -258,7 +258,7 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
         causes.append(_reading(name, 1.0 - float(np.linalg.norm(rest)), "the motion is right"))
     if not ranked(causes)[1]:
         causes += _mismatch_causes(case)
-    return ranked(causes)
+    return ranked_with_parts(causes)
 
 
 def _reading(name: str, explained: float, amount: str = "") -> RankedCause:

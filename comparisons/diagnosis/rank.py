@@ -6,6 +6,9 @@ evidence. A cause is named if it leaves less than a tenth of the deviation (what
 otherwise hide a second cause of the same order) *and* clearly less than the next suspect does.
 Suspects that all leave less than a hundredth have the same effect on this motion: the deviation
 cannot tell them apart, and all of them are named.
+
+What an engine was run without is no matter of shapes: so much of the deviation was gone. It is
+named from a half on, with its share, where nothing explains enough.
 """
 
 from __future__ import annotations
@@ -19,6 +22,8 @@ SUFFICIENT = 0.95
 """Share of a deviation from which on a suspect can be its cause."""
 SAME = 0.99
 """Share from which on suspects have the same effect, as far as a deviation can tell."""
+MOST_OF_IT = 0.5
+"""Share below which nothing is a cause."""
 EXACT = 0.999
 """Share from which on what is left is the fit's own error."""
 _CLEARLY = 2.0  # times what the best suspect leaves: what the next one has to leave at least
@@ -77,6 +82,22 @@ def ranked(causes: Iterable[RankedCause | Estimate]) -> tuple[tuple[RankedCause,
             best[cause.name] = cause
     listed = sorted(best.values(), key=lambda cause: -min(cause.explained, EXACT))
     return tuple(listed[:_LISTED]), _named([cause.explained for cause in listed])
+
+
+def ranked_with_parts(
+    causes: Iterable[RankedCause | Estimate],
+) -> tuple[tuple[RankedCause, ...], int]:
+    """The same; where none is named, what runs without it have shown to be most of the deviation.
+
+    Of several, those are named that leave less than twice what the best one leaves.
+    """
+    listed, named = ranked(causes)
+    shown = [each for each in listed if each.confirmed and each.explained >= MOST_OF_IT]
+    if named or not shown:
+        return listed, named
+    left = [1 - min(each.explained, EXACT) for each in shown]
+    parts = shown[: min(_MOST, sum(other < _CLEARLY * left[0] for other in left))]
+    return (*parts, *(each for each in listed if each not in parts)), len(parts)
 
 
 def _named(shares: list[float]) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Self
 
@@ -27,9 +28,12 @@ from .rank import SUFFICIENT
 Simulate = Callable[[Engine, Problem], Trajectory]
 
 _STEP = "timestep"
-# Share that an eighth of the step takes out of a first-order error: 7/8, rounded
-_FIRST_ORDER = 0.8
-_MOST_OF_IT = 0.5  # share of a deviation from which on a cause may be one of several
+_HALVINGS = 3  # of a step: an eighth leaves an eighth of a first-order error
+_TRIED = 2  # of them, after which a step that takes out next to nothing is given up
+_ROUNDING = 1e-9  # of a deviation: what changes it by less changes nothing
+_NO_PART = 0.1  # share that is next to nothing
+_ORDERS = (1, 2, 4)  # of the integrators that engines have
+_PART_OF_IT = 0.2  # share of a deviation from which on a cause may be one of several
 _TOGETHER = 4  # causes at most that are taken out together
 
 
@@ -47,7 +51,13 @@ class _Setting:
         return type(self)(f"{self.name}, {other.name}", f"{self.amount}, {other.amount}", joined)
 
     def cause(self, explained: float) -> RankedCause:
-        return RankedCause(name=self.name, kind="settings", amount=self.amount, explained=explained)
+        return RankedCause(
+            name=self.name,
+            kind="settings",
+            amount=self.amount,
+            explained=explained,
+            confirmed=True,
+        )
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,13 @@ class Rerun:
 
     engine: Engine
     simulate: Simulate
+    finest: float | None = None
+    """Step of the preset `settings` on this problem [s]; None: not known, or not beyond this one's.
+    """
+    kept: dict[str, FloatArray | None] = field(
+        default_factory=dict[str, "FloatArray | None"], compare=False, repr=False
+    )
+    """Deviations of runs with other settings, by the settings: some are asked for twice."""
 
     def causes(self, case: Case) -> Iterator[RankedCause]:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
@@ -64,17 +81,21 @@ class Rerun:
         """
         size = float(np.linalg.norm(case.deviation))
         most, best = 0.0, None
-        settings = tuple(_other_settings(self.engine, case.mechanism))
-        for setting in settings:
-            cause = self._alone(case, setting)
+        removals = tuple(_other_settings(self.engine, case.mechanism))
+        settings: list[_Setting] = []
+        for removal in removals:
+            cause, setting = self._alone(case, removal)
+            settings.append(setting)
             if cause.explained > 0:
                 yield cause
             if cause.explained > most:
                 most, best = cause.explained, setting
+        # What changes nothing alone is tried with the others of a preset, below.
+        effective = [each for each in settings if self._changes(case, each.options)]
         together = 1
-        while best is not None and _MOST_OF_IT < most < SUFFICIENT and together < _TOGETHER:
+        while best is not None and _PART_OF_IT < most < SUFFICIENT and together < _TOGETHER:
             joined: list[tuple[float, _Setting]] = []
-            for other in settings:
+            for other in effective:
                 if best.options.keys().isdisjoint(other.options):
                     both = best.with_other(other)
                     left = self._left(case, both.options)
@@ -85,19 +106,24 @@ class Rerun:
             most, best = max(joined, key=lambda found: found[0], default=(most, None))
             together += 1
         if most < SUFFICIENT:
-            yield from self._of_presets(case, settings)
+            yield from self._of_presets(case, removals)
 
     def _of_presets(self, case: Case, settings: Sequence[_Setting]) -> Iterator[RankedCause]:
         """Causes that vanish together, with the options of a preset that asks for more.
 
         Some options do harm alone: a limit that is stiffer must be felt earlier. So all of them are
         changed, at the run's own step or a finer one; then those that are not needed are left out.
+        Where no preset takes out enough, the one that takes out most is a cause with its share.
         """
-        finer = [setting for setting in settings if _STEP in setting.options]
+        finer = [self._finest(setting) for setting in settings if _STEP in setting.options]
+        most, best = 0.0, None
         for groups in _presets_beyond(self.engine, settings):
             for beside in ([], finer[:1]):
                 needed = [*groups, *beside]
-                if self._together(case, needed) < SUFFICIENT:
+                share = self._together(case, needed)
+                if share < SUFFICIENT:
+                    if share > most:
+                        most, best = share, needed
                     continue
                 for group in groups:
                     fewer = [each for each in needed if each is not group]
@@ -105,36 +131,94 @@ class Rerun:
                         needed = fewer
                 yield reduce(_Setting.with_other, needed).cause(self._together(case, needed))
                 return
+        if best is not None:
+            yield reduce(_Setting.with_other, best).cause(most)
+
+    def _finest(self, setting: _Setting) -> _Setting:
+        """A shorter step, or that of the next preset if it is shorter yet."""
+        tried = setting.options[_STEP]
+        if self.finest is None or not isinstance(tried, int | float) or self.finest >= tried:
+            return setting
+        to = {**setting.options, _STEP: self.finest}
+        return replace(
+            setting, amount=_described(self.engine.settings, to, self.engine), options=to
+        )
+
+    def _changes(self, case: Case, options: Options) -> bool:
+        """Tell whether a run with other settings is another motion."""
+        left = self._left(case, options)
+        if left is None:
+            return False
+        size = float(np.linalg.norm(case.deviation))
+        return float(np.linalg.norm(left - case.deviation)) > _ROUNDING * size
 
     def _together(self, case: Case, settings: Sequence[_Setting]) -> float:
         """Share of a deviation that vanishes with all of these."""
         left = self._left(case, reduce(_Setting.with_other, settings).options)
         return 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
 
-    def _alone(self, case: Case, setting: _Setting) -> RankedCause:
-        """Share that a setting takes out alone; of a step, with the order of the error."""
-        size = float(np.linalg.norm(case.deviation))
+    def _alone(self, case: Case, setting: _Setting) -> tuple[RankedCause, _Setting]:
+        """Share that a setting takes out alone, and the setting with which it does."""
+        if _STEP in setting.options:
+            return self._without_the_step(case, setting)
         left = self._left(case, setting.options)
-        if left is None:
-            return setting.cause(0.0)
-        explained = _share(left, size)
-        if _STEP not in setting.options:
-            return setting.cause(explained)
-        if _FIRST_ORDER < explained < SUFFICIENT:
-            rest = self._beside_the_step(case, setting.options, left)
-            explained = max(explained, 1.0 - rest / size)
-        order = self._order(setting.options, float(np.linalg.norm(left)) / size)
-        return replace(setting, amount=f"{setting.amount}{order}").cause(explained)
+        explained = 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
+        return setting.cause(explained), setting
 
-    def _order(self, options: Options, left: float) -> str:
-        """Power of the step by which the error falls, from what a finer one leaves of it."""
-        step, finer = self.engine.timestep, with_options(self.engine, options).timestep
-        if not step or not finer or not 0.0 < left < 1.0:
-            return ""
-        return f"; the error falls with order {math.log(left) / math.log(finer / step):.2g}"
+    def _without_the_step(self, case: Case, setting: _Setting) -> tuple[RankedCause, _Setting]:
+        """Share that the step takes out, told by steps ever shorter until it is enough.
+
+        A step's share is the larger one of two: what vanishes with it, and what it and the step
+        before tell to vanish with no step at all (:func:`_beside_the_step`). Half the step costs
+        little and is enough for most errors; large ones are of no order until the step is far
+        shorter.
+        """
+        size, options = float(np.linalg.norm(case.deviation)), self.engine.settings
+        best = setting.cause(0.0), setting
+        least = math.inf  # left by a run with any of the steps
+        longer, before = self.engine.timestep, case.deviation
+        halves, beyond = self._shorter_steps()
+        for i, step in enumerate((*halves, *beyond)):
+            if _TRIED <= i < len(halves) and best[0].explained < _NO_PART:
+                continue
+            left = self._left(case, {**setting.options, _STEP: step})
+            if left is None:
+                continue
+            length = float(np.linalg.norm(left))
+            to = {**setting.options, _STEP: step}
+            shorter = replace(setting, amount=_described(options, to, self.engine), options=to)
+            if length < least:
+                least, best = length, (best[0], shorter)
+            explained, ratio = _share(left, size), step / (longer or step)
+            rest = _beside_the_step(before, left, ratio)
+            explained = max(explained, 1.0 - rest / size)
+            if explained > best[0].explained:
+                order = _order(length / float(np.linalg.norm(before)), ratio)
+                cause = replace(shorter, amount=f"{shorter.amount}{order}").cause(explained)
+                best = cause, best[1]
+            if explained >= SUFFICIENT:
+                break
+            longer, before = step, left
+        return best
+
+    def _shorter_steps(self) -> tuple[list[float], list[float]]:
+        """Steps to try [s]: halves, and that of the next preset if it is shorter yet."""
+        step = self.engine.timestep
+        if not step:
+            return [], []
+        halves = [step / 2**halved for halved in range(1, _HALVINGS + 1)]
+        if self.finest is None or self.finest >= halves[-1]:
+            return halves, []
+        return halves, [self.finest, self.finest / 2]
 
     def _left(self, case: Case, options: Options) -> FloatArray | None:
         """The deviation of a run with other settings; None where they cannot be run."""
+        key = json.dumps(options, sort_keys=True)
+        if key not in self.kept:
+            self.kept[key] = self._run(case, options)
+        return self.kept[key]
+
+    def _run(self, case: Case, options: Options) -> FloatArray | None:
         law, duration = case.solution.problem.stop_law, case.whole.provenance.duration
         problem = Problem(case.mechanism, duration=duration, stop_law=law)
         try:
@@ -142,48 +226,35 @@ class Rerun:
         except TrebucheckError:
             return None
 
-    def _beside_the_step(self, case: Case, options: Options, left: FloatArray) -> float:
-        """Size of the part of a deviation that no step takes out, however short it is.
 
-        Either it is what is no error of first order in the step: with d(h) = c h + rest, steps h
-        and r h tell rest = (d(r h) - r d(h)) / (1 - r), the larger one of two, with r of the finer
-        engine and with a half, so that only what falls as the step does is gone.
+def _beside_the_step(before: FloatArray, left: FloatArray, ratio: float) -> float:
+    """Size of the part of a deviation that no step takes out, however short it is.
 
-        Or, where that is too much, it is what is no error of several orders, as of a rule of second
-        and a soft contact of first order. Of the finer engine's error the first order is most, so
-        that half of its step h tells what stays: 2 d(h / 2) - d(h) has all of what no step takes
-        out, and of the second order a 128th of the whole, h being an eighth.
+    With d(h) = c h^p + rest, the deviations d(h) and d(r h) tell
+    rest = (d(r h) - r^p d(h)) / (1 - r^p). The order p is the one of `_ORDERS` that leaves least:
+    a part that does not fall with the step is of none of them, and stays.
 
-        Args:
-            case: the deviation.
-            options: of the finer engine.
-            left: its deviation.
-        """
-        step, finer = self.engine.timestep, with_options(self.engine, options).timestep
+    Args:
+        before: d(h).
+        left: d(r h).
+        ratio: r, between 0 and 1.
+    """
+    if not 0.0 < ratio < 1.0:
+        return math.inf
+    falls = [ratio**order for order in _ORDERS]
+    return min(float(np.linalg.norm((left - fall * before) / (1.0 - fall))) for fall in falls)
 
-        def beside_first_order(r: float, other: FloatArray | None) -> float:
-            if other is None:
-                return math.inf
-            return float(np.linalg.norm((other - r * case.deviation) / (1 - r)))
 
-        def beside_all_orders() -> float:
-            half = None if finer is None else self._left(case, {**options, _STEP: 0.5 * finer})
-            return math.inf if half is None else float(np.linalg.norm(2.0 * half - left))
+def _order(left: float, ratio: float) -> str:
+    """Power of the step by which the error falls, from the share that a finer one leaves of it."""
+    if not (0.0 < left < 1.0 and 0.0 < ratio < 1.0):
+        return ""
+    return f"; the error falls with order {math.log(left) / math.log(ratio):.2g}"
 
-        if step is None or finer is None:
-            return beside_all_orders()
-        allowed = (1.0 - SUFFICIENT) * float(np.linalg.norm(case.deviation))
-        rest = beside_first_order(finer / step, left)
-        if rest > allowed:
-            # The larger of two is no smaller: if all orders leave less than this, it is not needed.
-            of_all_orders = beside_all_orders()
-            if of_all_orders <= rest:
-                return of_all_orders
-            half = self._left(case, {_STEP: 0.5 * step})
-            return min(of_all_orders, max(rest, beside_first_order(0.5, half)))
-        half = self._left(case, {_STEP: 0.5 * step})
-        rest = max(rest, beside_first_order(0.5, half))
-        return rest if rest <= allowed else min(rest, beside_all_orders())
+
+def _described(options: Options, to: Options, engine: Engine) -> str:
+    """A change of the step in words, with the integrator whose step it is."""
+    return f"{Intervention(options=to).described(options)}{_scheme(engine)}"
 
 
 def _share(left: FloatArray, size: float) -> float:
@@ -246,7 +317,7 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
             removal = replace(removal, options=kept)
         amount = removal.described(options)
         if _STEP in removal.options:
-            amount += _scheme(engine)
+            amount = _described(options, removal.options, engine)
         yield _Setting(cause.name, amount, removal.options)
     assisted = make(engine.name, ASSISTED).settings
     for name, value in options.items():

@@ -250,6 +250,7 @@ class RankedCause(Spec):
     )
     amount: str = Field(default="", description="how large it would have to be, in words")
     explained: Real = Field(description="share of the deviation, 1: all of it")
+    confirmed: bool = optional(False, "by runs of the engine without it: so much vanished")
 
 
 class Diagnosis(Spec):

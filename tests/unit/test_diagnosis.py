@@ -262,23 +262,60 @@ def test_options_that_harm_alone_are_set_together_as_the_next_preset_has_them(le
     assert ("timestep" in causes[0].amount) == (least < 1)
 
 
-def test_half_the_step_is_run_only_where_it_can_change_what_the_step_explains() -> None:
-    """An error of first and second order: an eighth and a sixteenth of the step tell it."""
+def _errors_of_the_step(
+    size: Callable[[float], tuple[float, float]], finest: float | None = None
+) -> tuple[RankedCause, list[float]]:
+    """The step's cause, and the steps [s] run, of 1 ms with errors of two shapes by the step."""
     solution = solve(tb.Problem(tb.catapult(), 0.5))
     t = np.linspace(0.0, 0.5, 101)
-    steps: list[float | None] = []
+    steps: list[float] = []
 
     def simulate(engine: tb.Engine, _: tb.Problem) -> tb.Trajectory:
-        steps.append(engine.timestep)
-        exact, h = solution.trajectory(t), (engine.timestep or 0.0) / 1e-3
-        error = 1e-3 * (h * np.sin(4 * np.pi * t) + h**2 * np.cos(4 * np.pi * t))
+        step = engine.timestep or 0.0
+        steps.append(step)
+        exact, (one, other) = solution.trajectory(t), size(step / 1e-3)
+        error = 1e-3 * (one * np.sin(4 * np.pi * t) + other * np.cos(4 * np.pi * t))
         return dataclasses.replace(exact, q=exact.q + error[:, None])
 
     engine = MujocoEngine(timestep=1e-3)
-    causes = Rerun(engine, simulate).causes(Case(simulate(engine, solution.problem), solution, 0.5))
-    explained = {cause.name: cause.explained for cause in causes}
-    assert explained["time step"] == pytest.approx(1 - 1 / 128 / math.sqrt(2), abs=2e-3)
-    assert {1e-3 / 8, 1e-3 / 16} < set(steps) and 5e-4 not in steps
+    case = Case(simulate(engine, solution.problem), solution, 0.5)
+    rerun = Rerun(engine, simulate, finest)
+    found = {cause.name: cause for cause in rerun.causes(case)}
+    none = RankedCause(name="time step", kind="settings", explained=0.0)
+    return found.get("time step", none), sorted({step for step in steps if step < 1e-3})
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_half_the_step_tells_an_error_of_one_order(order: int) -> None:
+    cause, steps = _errors_of_the_step(lambda h: (h**order, 0.0))
+    assert cause.explained == pytest.approx(1.0, abs=1e-3) and cause.confirmed
+    assert f"order {order}" in cause.amount and steps == [5e-4]
+
+
+def test_steps_ever_shorter_tell_an_error_of_two_orders() -> None:
+    """Of h sin + h^2 cos, 2 d(h / 2) - d(h) leaves -h^2 / 2, and each further half a quarter."""
+    cause, steps = _errors_of_the_step(lambda h: (h, h**2))
+    assert steps == [1.25e-4, 2.5e-4, 5e-4]
+    assert cause.explained == pytest.approx(1 - 1 / 32 / math.sqrt(2), abs=2e-3)
+
+
+def test_what_stays_with_every_step_is_no_error_of_it() -> None:
+    cause, steps = _errors_of_the_step(lambda h: (1.0, 0.05 * h))
+    assert cause.explained < 0.1 and steps == [2.5e-4, 5e-4]  # an eighth is not worth its time
+    cause, _ = _errors_of_the_step(lambda h: (h, 1.0))
+    assert cause.explained == pytest.approx(1 - 1 / math.sqrt(2), abs=0.02)
+
+
+def test_an_error_that_only_a_far_shorter_step_takes_out_is_of_the_step() -> None:
+    """A step of the next preset is tried where halves are too long for any order."""
+
+    def error(h: float) -> tuple[float, float]:
+        return (1.0 if h > 0.1 else 0.0, 0.0)
+
+    assert _errors_of_the_step(error)[0].explained < 0.1
+    cause, steps = _errors_of_the_step(error, finest=5e-5)
+    assert cause.explained == pytest.approx(1.0) and steps[0] == 5e-5
+    assert _errors_of_the_step(error, finest=5e-4)[0].explained < 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -742,14 +779,12 @@ def test_what_no_suspect_explains_at_the_right_motion_is_a_reading(
 # settings that are taken out of an engine, one at a time and two together
 
 
-def _removed(
-    monkeypatch: pytest.MonkeyPatch, beside: float | None = None, **left: float | None
-) -> dict[str, float]:
+def _removed(monkeypatch: pytest.MonkeyPatch, **left: float | None) -> dict[str, float]:
     """What each setting explains, and two of them as 'ab', by what is left of a deviation of 10.
 
-    None: the engine cannot be run so. 't' is the step, beside which so much is left.
+    None: the engine cannot be run so.
     """
-    options = {"a": {"a": 1}, "b": {"b": 1}, "c": {"a": 2}, "t": {"timestep": 1e-4}}
+    options = {"a": {"a": 1}, "b": {"b": 1}, "c": {"a": 2}}
     singles = [name for name in left if len(name) == 1]
     settings = [rerunning._Setting(name, name, options[name]) for name in singles]
     keys = {repr(sorted(options[name].items())): name for name in options}
@@ -759,13 +794,8 @@ def _removed(
         size = left["".join(sorted(names))]
         return None if size is None else np.array([0.6, 0.8]) * size
 
-    def beside_the_step(*_: Any) -> float:
-        assert beside is not None
-        return beside
-
     monkeypatch.setattr(rerunning, "_other_settings", lambda *_: settings)
     monkeypatch.setattr(Rerun, "_left", remaining)
-    monkeypatch.setattr(Rerun, "_beside_the_step", beside_the_step)
     case: Any = SimpleNamespace(deviation=np.array([6.0, 8.0]), mechanism=None)
     causes = Rerun(tb.engine("reference"), lambda *_: None).causes(case)  # type: ignore[arg-type]
     found = [("".join(sorted(cause.name.split(", "))), cause.explained) for cause in causes]
@@ -774,7 +804,7 @@ def _removed(
 
 
 def test_a_setting_explains_what_vanishes_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert _removed(monkeypatch, a=7.0, b=9.0) == pytest.approx({"a": 0.3, "b": 0.1})
+    assert _removed(monkeypatch, a=8.5, b=9.0) == pytest.approx({"a": 0.15, "b": 0.1})
     assert _removed(monkeypatch, a=0.5, b=12.0) == pytest.approx({"a": 0.95})
     assert not _removed(monkeypatch, a=10.0, b=None)
 
@@ -790,31 +820,22 @@ def test_two_settings_explain_it_together_if_they_leave_less_than_half_of_what_o
     assert found == pytest.approx({"a": 0.6, "b": 0.3} | pair)
 
 
-def test_two_settings_are_taken_out_where_one_explains_most_of_it_and_not_all(
+def test_two_settings_are_taken_out_where_one_explains_a_part_and_not_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """More than half, less than enough; and not two of one option."""
-    assert "ab" not in _removed(monkeypatch, a=5.0, b=5.0, ab=0.0)
-    assert "ab" in _removed(monkeypatch, a=4.9, b=5.0, ab=0.0)
+    """More than a fifth, less than enough; and not two of one option."""
+    assert "ab" not in _removed(monkeypatch, a=8.1, b=8.5, ab=0.0)
+    assert "ab" in _removed(monkeypatch, a=7.9, b=8.5, ab=0.0)
     assert "ab" in _removed(monkeypatch, a=0.51, b=5.0, ab=0.0)
     assert "ab" not in _removed(monkeypatch, a=0.49, b=5.0, ab=0.0)
     assert set(_removed(monkeypatch, a=4.0, c=5.0)) == {"a", "c"}
     assert "bc" in _removed(monkeypatch, a=5.0, c=4.0, b=6.0, bc=0.0)
 
 
-@pytest.mark.parametrize(
-    ("left", "beside", "explained"),
-    [
-        (1.9, 0.1, 0.99),  # an eighth of a step leaves an eighth of its error
-        (1.9, 5.0, 0.81),
-        (2.1, None, 0.79),  # it does not follow the step
-        (0.4, None, 0.96),  # the finer step explains enough by itself
-    ],
-)
-def test_what_a_finer_step_leaves_of_itself_is_taken_out_too(
-    left: float, beside: float | None, explained: float, monkeypatch: pytest.MonkeyPatch
+def test_two_settings_are_taken_out_only_where_both_change_the_motion(
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    assert _removed(monkeypatch, beside, t=left) == pytest.approx({"t": explained})
+    assert "ab" not in _removed(monkeypatch, a=4.0, b=10.0, ab=0.0)
 
 
 # when a motion parts, and sizes of what a model shows

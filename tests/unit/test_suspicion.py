@@ -25,7 +25,7 @@ from trebucheck.comparisons.diagnosis.faults import (
     machine_suspects,
 )
 from trebucheck.comparisons.diagnosis.fit import first_order
-from trebucheck.comparisons.diagnosis.rank import Estimate, measured, ranked
+from trebucheck.comparisons.diagnosis.rank import Estimate, measured, ranked, ranked_with_parts
 from trebucheck.comparisons.diagnosis.rerun import Rerun
 from trebucheck.comparisons.runs.quantities import Kind, Quantity
 from trebucheck.comparisons.runs.results import Diagnosis, Metric, RankedCause
@@ -63,6 +63,33 @@ def _likeliest(*shares: float) -> int:
 )
 def test_a_cause_is_named_by_what_it_leaves(shares: tuple[float, ...], named: int) -> None:
     assert _likeliest(*shares) == named
+
+
+@pytest.mark.parametrize(
+    ("confirmed", "named"),
+    [
+        ((0.49,), []),  # not most of it
+        ((0.7, 0.2), ["run 0"]),
+        ((0.3, 0.9), ["run 1"]),
+        ((0.8, 0.7), ["run 0", "run 1"]),  # each leaves less than twice what the other does
+        ((0.9, 0.7), ["run 0"]),
+    ],
+)
+def test_a_part_is_named_where_a_run_without_it_shows_it(
+    confirmed: tuple[float, ...], named: list[str]
+) -> None:
+    """Before a suspect that explains more without such evidence, if that is not named itself."""
+    runs = [
+        RankedCause(name=f"run {k}", kind="settings", explained=share, confirmed=True)
+        for k, share in enumerate(confirmed)
+    ]
+    suspect = RankedCause(name="suspect", kind="law", explained=0.93)
+    listed, count = ranked_with_parts([*runs, suspect])
+    assert [cause.name for cause in listed[:count]] == named
+    assert len(listed) == len(runs) + 1
+    sure = suspect.model_copy(update={"explained": 0.999})
+    listed, count = ranked_with_parts([*runs, sure])
+    assert count == 1 and listed[0] is sure
 
 
 def test_suspects_of_the_same_effect_keep_their_order_and_names_come_once() -> None:

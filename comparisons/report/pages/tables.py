@@ -8,7 +8,7 @@ from typing import Protocol
 from ....engines.presets import ASSISTED, MEANINGS, PRESETS
 from ....models.mechanism import Mechanism
 from ....reference.certification.certificate import Figure
-from ...diagnosis.rank import SAME
+from ...diagnosis.rank import MOST_OF_IT, SAME, SUFFICIENT
 from ...runs.results import Diagnosis, Machine, Measured, Outcome, RankedCause, ResultFile, Run
 from .. import document as doc
 from ..document import format_number, format_settings
@@ -26,7 +26,6 @@ MARKS: dict[Outcome, doc.Mark] = {
     Outcome.UNSUPPORTED: "warning",
 }
 """Marks of verdicts."""
-_MOST_OF_IT = 0.5  # share of a deviation below which a suspect is no cause
 PRESETS_EXPLAINED = (
     "The preset "
     + ", ".join(f"“{preset}” is {MEANINGS[preset]}" for preset in PRESETS)
@@ -109,7 +108,7 @@ def diagnosis(run: Measured) -> list[str]:
     shares = "; ".join(
         f"{_amount(cause)}: {100 * cause.explained:.1f} % of it"
         for cause in diagnosed.named or diagnosed.causes[:3]
-        if cause.explained >= _MOST_OF_IT
+        if cause.explained >= MOST_OF_IT
     )
     likeliest = "Cause unknown: no suspect accounts for half of it."
     if diagnosed.named:
@@ -128,11 +127,17 @@ def _amount(cause: RankedCause) -> str:
     return f"{cause.name} ({cause.amount})" if cause.amount else cause.name
 
 
+def _with_share(cause: RankedCause) -> str:
+    """A cause, with its share where it is a part of the deviation only."""
+    part = "" if cause.explained >= SUFFICIENT else f": {100 * cause.explained:.0f} % of it"
+    return f"{_amount(cause)}{part}"
+
+
 def cause_text(diagnosed: Diagnosis) -> str:
     """Quantity in which a run differs first, and the likeliest cause, in a line."""
     if diagnosed.note:
         return f"cause unknown: {diagnosed.note}"
-    named = " or ".join(map(_amount, diagnosed.named))
+    named = " or ".join(map(_with_share, diagnosed.named))
     return f"first in {diagnosed.leads}, {f'likeliest: {named}' if named else 'cause unknown'}"
 
 
