@@ -41,8 +41,9 @@ class Batch:
 
 MACHINES: Mapping[str, Batch] = {
     "free-swing": Batch((str(FREE_SWING),), ("--until", str(DURATION))),
-    "machines": Batch(("fixed", "rolling")),
+    "machines": Batch(("fixed", "rolling"), ("--sweep",)),
 }
+"""With work and precision at several steps on the machines; of all problems it would take hours."""
 SWEPT: Mapping[str, Batch] = {"free-swing": MACHINES["free-swing"], "fixed": Batch(("fixed",))}
 
 

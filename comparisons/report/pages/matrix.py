@@ -824,7 +824,7 @@ class _Side:
     def order(self) -> str:
         """Order of its error in the step, and where it comes from."""
         order, basis = _order(self.matrix, f"{self.engine} {self.preset}")
-        return basis if order == _NO_ORDER else f"{order} ({basis})"
+        return basis if order == _NO_ORDER else f"{order}, {basis}"
 
     @property
     def own(self) -> doc.Text:
