@@ -11,7 +11,7 @@ the law. What is Drake's default is not set. :func:`script` gives the same run a
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,7 @@ from trebucheck_toolkit.event_driver import Observation, Samples
 from trebucheck_toolkit.given_forces import GivenForces, program, springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
 from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
 
 from .build import Built, add_link, in_space, link_of
@@ -182,10 +183,13 @@ _CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.E
 def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     """Step Drake from the start to a problem's end or just beyond, and read it.
 
-    Forces at an instant are those of the step that begins there.
+    Forces at an instant are those of the step that begins there. Drake tells those of the tree's
+    joints, and counts what its ball constraints exert; the forces of these follow from Newton's law
+    of the bodies, by Drake's accelerations and reactions.
 
     Raises:
-        UnsupportedProblemError: a loop is not closed by a pin, or a stop is on no joint.
+        UnsupportedProblemError: a loop is not closed by a pin, or the force of such a pin does not
+            follow; or a stop is on no joint.
     """
     mechanism = problem.mechanism
     alone = Alone(mechanism, options)
@@ -204,11 +208,16 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     j, v = (np.array(values) for values in zip(*states, strict=True))
     to = alone.coordinates
     q, u = to.mechanism_positions(j), to.mechanism_speeds(v)
+    pins = reader.forces_of_pins(q, u, [observation for _, observation in seen])
+    given = reader.applied.potential_energy(q)
     samples, events = Samples(problem), ContactEvents(mechanism, "drake")
     for k, time in enumerate(times):
         contacts, observation = seen[k]
-        energy = observation.potential_energy + reader.energy_of_given(q[k])
-        observation = replace(observation, potential_energy=energy)
+        observation = replace(
+            observation,
+            potential_energy=observation.potential_energy + float(given[k]),
+            reactions={**observation.reactions, **{name: force[k] for name, force in pins.items()}},
+        )
         samples.add(float(time), (q[k], u[k]), contacts, observation)
     samples.steps = steps
     efforts = {
@@ -224,12 +233,10 @@ class _Reader:
 
     def __init__(self, alone: Alone) -> None:
         self.alone, self.reader = alone, Reader(alone)
-        # Drake counts the energy of its own springs.
         self.applied = AppliedForces(Kinematics(alone.pushed))
-
-    def energy_of_given(self, q: FloatArray) -> float:
-        """Energy of the springs that Drake does not have [J]."""
-        return float(self.applied.potential_energy(q))
+        """Of the springs and loads whose energy Drake does not count, as it does its own."""
+        self.pins = LoopPins(alone.mechanism, "drake")
+        self.accelerations: dict[str, list[FloatArray]] = {name: [] for name in self.pins.bodies}
 
     def observe(self) -> tuple[dict[str, float], Observation]:
         """Torque of each limit [N m], and points, energies and reactions.
@@ -238,13 +245,42 @@ class _Reader:
         """
         alone, context = self.alone, self.alone.context
         forces = alone.plant.get_reaction_forces_output_port().Eval(context)
-        greatest = max((float(np.abs(each.get_coeffs()).max()) for each in forces), default=0.0)
         torques: dict[str, float] = {}
-        for name, limit in alone.limits.items():
-            turning = forces[int(alone.moving[limit.index].index())].rotational()[2]
-            torque = -limit.sense * float(turning)
-            torques[name] = torque if torque > _ROUNDING * greatest else 0.0
-        return torques, self.reader.observe(context)
+        if alone.limits:
+            greatest = max(float(np.abs(each.get_coeffs()).max()) for each in forces)
+            for name, limit in alone.limits.items():
+                turning = forces[int(alone.moving[limit.index].index())].rotational()[2]
+                torque = -limit.sense * float(turning)
+                torques[name] = torque if torque > _ROUNDING * greatest else 0.0
+        if self.accelerations:
+            rates = alone.plant.get_body_spatial_accelerations_output_port().Eval(context)
+            for name, found in self.accelerations.items():
+                found.append(self._of_centre(name, rates[int(alone.bodies[name].index())]))
+        return torques, self.reader.observe(context, forces)
+
+    def _of_centre(self, name: str, rate: Any) -> FloatArray:
+        """Acceleration of a body's centre of mass [m/s^2], from that of its frame."""
+        body, context = self.alone.bodies[name], self.alone.context
+        arm = body.EvalPoseInWorld(context).rotation() @ in_space(
+            self.alone.mechanism.body(name).centre
+        )
+        spin = body.EvalSpatialVelocityInWorld(context).rotational()
+        return rate.Shift(arm, spin).translational()[:2]
+
+    def forces_of_pins(
+        self, q: FloatArray, u: FloatArray, seen: Sequence[Observation]
+    ) -> dict[str, FloatArray]:
+        """Force of each pin that closes a loop on its child in each state [N], shape (n, 2)."""
+        if not self.accelerations:
+            return {}
+        mechanism = self.alone.mechanism
+        resultants = left_over(
+            mechanism,
+            {name: np.array(found) for name, found in self.accelerations.items()},
+            {name: np.array([each.reactions[name] for each in seen]) for name in seen[0].reactions},
+            AppliedForces(Kinematics(mechanism)).on_bodies(q, u),
+        )
+        return self.pins.forces(resultants)
 
 
 # --- The run as a program

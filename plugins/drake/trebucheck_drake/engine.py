@@ -61,6 +61,7 @@ class DrakeEngine(BuiltinEngine):
     readings: ClassVar[Supplied] = {
         Part.ELEMENTS: "forces of loads and of springs that Drake does not have, given before each "
         "step",
+        Part.LOOP_REACTIONS: "of pins, from the bodies' accelerations and the other joints' forces",
     }
 
     mode: Literal["continuous", "discrete"] = Field(

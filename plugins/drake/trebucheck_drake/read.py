@@ -17,14 +17,21 @@ class Reader:
     def __init__(self, built: Built) -> None:
         self.built, self.plant = built, built.plant
 
-    def observe(self, context: Any) -> Observation:
-        """Readings of the plant; reactions by `reaction_forces`, without what acts beyond."""
+    def observe(self, context: Any, forces: Any = None) -> Observation:
+        """Readings of the plant; reactions by `reaction_forces`, without what acts beyond.
+
+        Args:
+            context: the plant's.
+            forces: what `reaction_forces` gives, if it has been evaluated.
+        """
+        if forces is None:
+            forces = self.plant.get_reaction_forces_output_port().Eval(context)
         mechanism = self.built.mechanism
         return Observation(
             points={m.name: self._point(context, m.body, m.point) for m in mechanism.markers},
             kinetic_energy=float(self.plant.CalcKineticEnergy(context)),
             potential_energy=float(self.plant.CalcPotentialEnergy(context)),
-            reactions=self._reactions(context),
+            reactions=self._reactions(context, forces),
         )
 
     def centre(self, context: Any, body: str) -> FloatArray:
@@ -41,8 +48,7 @@ class Reader:
         turning = motion.rotational()[2] * np.array([-arm[1], arm[0]])
         return (pose.translation() + arm)[:2], motion.translational()[:2] + turning
 
-    def _reactions(self, context: Any) -> dict[str, FloatArray]:
-        forces = self.plant.get_reaction_forces_output_port().Eval(context)
+    def _reactions(self, context: Any, forces: Any) -> dict[str, FloatArray]:
         found: dict[str, FloatArray] = {}
         for joint in self.built.mechanism.tree_joints:
             if joint.held_directions:
