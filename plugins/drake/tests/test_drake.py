@@ -9,7 +9,8 @@ import pytest
 import trebucheck as tb
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
 from trebucheck.comparisons.runs.runner import refuse_invalid
-from trebucheck.engines.presets import DEFAULT, SETTINGS
+from trebucheck.engines.inspection import State
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.supplied import Part, stated
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
@@ -72,6 +73,32 @@ def test_its_own_springs_are_drakes_force_elements() -> None:
         alone = Alone(benchmark(name).problem().mechanism, _engine(DEFAULT))
         assert alone.plant.num_force_elements() == bare + own
         assert len(alone.pushed.force_elements) == 1 - own
+
+
+@pytest.mark.parametrize(
+    "name", ["torsion-pendulum", "damped-oscillator", "spring-pendulum", "motor", "squeezer"]
+)
+def test_a_continuous_plant_has_its_own_springs_too(name: str) -> None:
+    """Nothing of them is counted twice, or left out, in forces, reactions and energies."""
+    problem = benchmark(name).problem()
+    problem = problem.model_copy(update={"duration": problem.duration / 100})
+    made = _engine(ASSISTED, timestep=problem.duration / 50)
+    found, solution = made.simulate(problem), tb.solve(problem)
+    kept = found.t <= problem.duration
+    truth = solution.trajectory(found.t[kept])
+    for own, right in (
+        (found.u[kept], truth.u),
+        (found.potential_energy[kept], truth.potential_energy),
+        *((found.joint_reactions[name][kept], f) for name, f in truth.joint_reactions.items()),
+    ):
+        assert own == pytest.approx(right, abs=1e-8 * max(1.0, np.abs(right).max()))
+    # The forces of an inspection give its accelerations; between loops there are others.
+    if not problem.mechanism.loop_joints:
+        state = State(found.q[-1], found.u[-1], ())
+        (seen,) = made.inspect(problem.mechanism, [state]).dynamics
+        assert seen.mass_matrix is not None and seen.forces is not None
+        moved = seen.mass_matrix @ seen.accelerations
+        assert moved == pytest.approx(seen.forces, abs=1e-9 * np.abs(seen.forces).max())
 
 
 def test_settings_are_continuous_where_nothing_has_to_be_held() -> None:

@@ -19,7 +19,6 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-from pydrake.multibody.tree import LinearSpringDamper, RevoluteSpring
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
 from trebucheck.engines.protocol import Recording
@@ -27,7 +26,6 @@ from trebucheck.engines.study import filled_template
 from trebucheck.models import elements
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.elements import AnyForceElement
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
@@ -38,7 +36,7 @@ from trebucheck_toolkit.joint_tree import JointLimits
 from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
 
-from .build import Built, add_link, in_space, link_of
+from .build import Built, add_link, has_length, in_space, link_of
 from .read import Reader
 
 if TYPE_CHECKING:
@@ -62,24 +60,10 @@ class Alone(Built):
         self.pins = [_CLOSING[joint](joint) for joint in mechanism.loop_joints]
         for joint in self.pins:
             plant.AddBallConstraint(
-                *self._ends(joint.parent, joint.parent_point),
-                *self._ends(joint.child, joint.child_point),
+                *self.end(joint.parent, joint.parent_point),
+                *self.end(joint.child, joint.child_point),
             )
-        self.joint_springs = springs_of_joints(to, but=self.ranges)
-        for index, (stiffness, rest, damping) in self.joint_springs.values():
-            plant.AddForceElement(RevoluteSpring(self.moving[index], rest, stiffness))
-            self.moving[index].set_default_damping_vector([damping])
-        self.springs = [each for each in mechanism.force_elements if _has_length(each)]
-        for each in self.springs:
-            ends = (
-                *self._ends(each.relative_to, each.relative_point),
-                *self._ends(each.body, each.point),
-            )
-            law = each.rest_length, each.stiffness, each.damping
-            plant.AddForceElement(LinearSpringDamper(*ends, *law))
-        own = {*self.joint_springs, *(each.name for each in self.springs)}
-        others = [each for each in mechanism.force_elements if each.name not in own]
-        self.pushed = mechanism.model_copy(update={"force_elements": tuple(others)})
+        self.add_springs(but=self.ranges)
         self.forces, self.given = GivenForces(self.pushed), list[Any]()
 
     def start(self) -> None:
@@ -93,9 +77,6 @@ class Alone(Built):
         self.plant.SetPositions(self.context, self.in_order(to.positions(q), self.positions))
         self.plant.SetVelocities(self.context, self.in_order(to.speeds(u), self.speeds))
         self.give_forces()
-
-    def _ends(self, body: str, point: tuple[float, float]) -> tuple[Any, FloatArray]:
-        return self.bodies[body], in_space(point)
 
     def state(self) -> State:
         """The joint coordinates and speeds."""
@@ -144,17 +125,12 @@ class Alone(Built):
         self.given.append(given)
 
 
-def _has_length(element: AnyForceElement) -> bool:
-    """Tell whether it is a spring that Drake has: one of no length at rest is not among them."""
-    return isinstance(element, elements.SpringDamper) and element.rest_length > 0
-
-
 def is_free(mechanism: Mechanism) -> bool:
     """Tell whether a continuous plant has all of it: no stops, no loops, springs of Drake's."""
     if mechanism.stops or mechanism.loop_joints:
         return False
     own = springs_of_joints(JointCoordinates(mechanism))
-    return all(_has_length(each) or each.name in own for each in mechanism.force_elements)
+    return all(has_length(each) or each.name in own for each in mechanism.force_elements)
 
 
 def integration(options: DrakeEngine) -> dict[str, Any]:

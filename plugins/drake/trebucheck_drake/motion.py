@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
 from trebucheck.engines.events import Contacts
+from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums
 from trebucheck_toolkit.event_driver import Observation
@@ -55,6 +58,15 @@ class Model:
         ]
         return self.built.coordinates.mechanism_speeds(rates[self.built.speeds])
 
+    def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Generalized forces of gravity and of Drake's springs, less its bias forces."""
+        self.place(q, u)
+        of_elements = MultibodyForces(self.plant)
+        self.plant.CalcForceElementsContribution(self.context, of_elements)
+        found = self.plant.CalcGeneralizedForces(self.context, of_elements)
+        found -= self.plant.CalcBiasTerm(self.context)
+        return np.linalg.solve(self.built.coordinates.sums.T, found[self.built.speeds])
+
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Drake's."""
         if self._placed is not q:  # it has nothing to do with the speeds
@@ -88,12 +100,14 @@ class Motion(ConstrainedDynamics):
         self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float
     ) -> None:
         self.timestep, built = timestep, Built(mechanism)
+        built.add_springs()
         built.finalize()
         self.drake = Model(built)
         self.reader = Reader(built)
         super().__init__(mechanism, self.drake)
+        self.applied = AppliedForces(Kinematics(built.pushed))  # Drake counts its own springs
         self.loops = bool(mechanism.loop_joints)
-        self.plain = not (self.loops or mechanism.force_elements)
+        self.plain = not (self.loops or built.pushed.force_elements)
         builder, self.system = DiagramBuilder(), Held(self)
         plant = builder.AddSystem(built.plant)
         builder.AddSystem(self.system)

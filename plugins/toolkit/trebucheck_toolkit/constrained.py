@@ -129,7 +129,7 @@ class ConstrainedDynamics:
 
     def _in_world(self, vector: complex, body: str, q: FloatArray) -> FloatArray:
         if body != GROUND:
-            vector = vector * np.exp(-1j * self.kinematics.angle(body).value(q))
+            vector *= complex(np.exp(-1j * self.kinematics.angle(body).value(q)))
         return np.array([vector.real, vector.imag])
 
     def _rows(self, q: FloatArray, u: FloatArray, held: Contacts) -> tuple[FloatArray, FloatArray]:
