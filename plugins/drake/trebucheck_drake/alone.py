@@ -37,7 +37,7 @@ from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
 
 from .build import Built, add_link, has_length, in_space, link_of
-from .read import Reader
+from .read import Reader, in_plane
 
 if TYPE_CHECKING:
     from .engine import DrakeEngine
@@ -213,6 +213,7 @@ class _Reader:
         """Of the springs and loads whose energy Drake does not count, as it does its own."""
         self.pins = LoopPins(alone.mechanism, "drake")
         self.accelerations: dict[str, list[FloatArray]] = {name: [] for name in self.pins.bodies}
+        self._centres = {body.name: np.array(body.centre) for body in alone.mechanism.bodies}
 
     def observe(self) -> tuple[dict[str, float], Observation]:
         """Torque of each limit [N m], and points, energies and reactions.
@@ -237,11 +238,9 @@ class _Reader:
     def _of_centre(self, name: str, rate: Any) -> FloatArray:
         """Acceleration of a body's centre of mass [m/s^2], from that of its frame."""
         body, context = self.alone.bodies[name], self.alone.context
-        arm = body.EvalPoseInWorld(context).rotation() @ in_space(
-            self.alone.mechanism.body(name).centre
-        )
+        arm = in_plane(body.EvalPoseInWorld(context).rotation()) @ self._centres[name]
         spin = body.EvalSpatialVelocityInWorld(context).rotational()
-        return rate.Shift(arm, spin).translational()[:2]
+        return rate.Shift(in_space(arm), spin).translational()[:2]
 
     def forces_of_pins(
         self, q: FloatArray, u: FloatArray, seen: Sequence[Observation]

@@ -173,6 +173,6 @@ def has_length(element: AnyForceElement) -> bool:
     return isinstance(element, SpringDamper) and element.rest_length > 0
 
 
-def in_space(point: tuple[float, float]) -> FloatArray:
+def in_space(point: tuple[float, float] | FloatArray) -> FloatArray:
     """A vector of the plane in space."""
     return np.array([*point, 0.0])
