@@ -37,6 +37,7 @@ class Part(StrEnum):
     UNITS = "units of the mechanism's size"
     REACTIONS = "joint forces read off the motion"
     TORQUES = "stop forces read off the motion"
+    LOOP_REACTIONS = "loop forces read off the motion"
 
 
 class Own(StrEnum):
@@ -138,7 +139,7 @@ def stated(engine: object, mechanism: Mechanism | None = None) -> dict[str, str]
 
 def only_read(supplied: Mapping[str, str]) -> bool:
     """Tell whether trebucheck does no part of a run, but to read quantities off its motion."""
-    return set(supplied) <= {Part.REACTIONS, Part.TORQUES}
+    return set(supplied) <= {Part.REACTIONS, Part.TORQUES, Part.LOOP_REACTIONS}
 
 
 def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> frozenset[Part]:
@@ -149,6 +150,7 @@ def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> fro
         Part.EVENTS: stops,
         Part.IMPACTS: stops and impacts,
         Part.LOOPS: loops,
+        Part.LOOP_REACTIONS: loops,
         Part.ELEMENTS: elements,
         Part.RESTARTS: loops,
     }

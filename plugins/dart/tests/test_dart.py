@@ -8,7 +8,11 @@ import dartpy
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.runs.runner import refuse_invalid
 from trebucheck.engines.presets import DEFAULT, SETTINGS
+from trebucheck.engines.supplied import Part, stated
+from trebucheck.models.elements import GROUND
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.library.registry import benchmark
 from trebucheck_dart.alone import DARTS_STEP, Alone
 from trebucheck_dart.engine import DartEngine
@@ -84,19 +88,58 @@ def test_springs_are_of_first_order(name: str) -> None:
     assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.1)
 
 
-def test_reactions_beside_a_loop_are_those_of_the_reference() -> None:
-    problem = benchmark("n-four-bar").problem().model_copy(update={"duration": 0.5})
+@pytest.mark.parametrize("preset", [DEFAULT, SETTINGS])
+@pytest.mark.parametrize("name", ["n-four-bar", "squeezer", "three-cranks"])
+def test_each_joint_of_a_mechanism_with_loops_has_its_force(name: str, preset: str) -> None:
+    problem = benchmark(name).problem()
+    made = _engine(preset, timestep=problem.duration / 2000)
+    found = made.simulate(problem.model_copy(update={"duration": problem.duration / 100}))
+    mechanism = refuse_invalid("dart", found, found.mechanism, made.capabilities).mechanism
+    assert len(mechanism.loop_joints) == {"n-four-bar": 1, "squeezer": 3, "three-cranks": 2}[name]
+    supplied = stated(made, mechanism)
+    assert supplied is not None and Part.LOOP_REACTIONS in supplied
 
-    def error(step: float) -> float:
+
+def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order() -> None:
+    problem = benchmark("squeezer").problem()
+    problem = problem.model_copy(update={"duration": problem.duration / 10})
+    solution = tb.solve(problem)
+
+    def errors(steps: int) -> dict[str, float]:
+        step = problem.duration / steps
         found = _engine(DEFAULT, timestep=step).simulate(problem)
-        truth = tb.solve(problem).trajectory(found.t).joint_reactions
-        return max(
-            float(np.abs(force - truth[name]).max())
+        kept = found.t < problem.duration
+        truth = solution.trajectory(found.t[kept]).joint_reactions
+        return {
+            name: float(np.abs(force[kept] - truth[name]).max())
             for name, force in found.joint_reactions.items()
-        )
+        }
 
-    # First order.
-    assert error(5e-4) < 0.7 * error(1e-3)
+    coarse, fine = errors(2000), errors(4000)
+    assert coarse.keys() == {joint.name for joint in problem.mechanism.joints}
+    for name, error in coarse.items():
+        assert np.log2(error / fine[name]) == pytest.approx(1.0, abs=0.1), name
+
+
+@pytest.mark.parametrize("name", ["n-four-bar", "squeezer", "three-cranks"])
+def test_forces_of_pins_are_those_whose_torque_dart_tells(name: str) -> None:
+    """DART tells the joint forces of its constraints: J^T f.
+
+    Of the first tree of a skeleton alone: those of others are written into the same places. They
+    are told after the step, whose turn changes the arm of all but the tree's last joint.
+    """
+    problem = benchmark(name).problem()
+    step, mechanism = problem.duration / 2000, problem.mechanism
+    made = _engine(DEFAULT, timestep=step)
+    found = made.simulate(problem.model_copy(update={"duration": 20 * step}))
+    alone, kinematics = Alone(mechanism, made), Kinematics(mechanism)
+    last = next(k for k, (_, joint) in enumerate(alone.to.links) if joint.parent != GROUND)
+    for k, q in enumerate(found.q):
+        alone.step()
+        told = float(alone.skeleton.getConstraintForces()[last])
+        pins = [found.joint_reactions[joint.name][k] for joint in alone.pins]
+        torques = alone.to.forces(kinematics.loop_jacobian(q).T @ np.concatenate(pins))
+        assert told != 0.0 and torques[last] == pytest.approx(told, rel=1e-6)
 
 
 @pytest.mark.parametrize("problem", ["slider-crank", "bouncing", "stopped-pendulum"])

@@ -30,7 +30,8 @@ from trebucheck.models.problem import Problem
 from trebucheck_toolkit.event_driver import Observation, Samples
 from trebucheck_toolkit.given_forces import GivenForces, program, springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
-from trebucheck_toolkit.joint_tree import JointLimits, torques_of_limits
+from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
 
 from .build import Skeleton, add_link, frame, inertia_of, links
@@ -46,8 +47,8 @@ DARTS_STEP = 1e-3
 class Alone(Skeleton):
     """A mechanism in a world of DART's, at its present state."""
 
-    def __init__(self, mechanism: Mechanism, options: DartEngine, limited: bool = True) -> None:
-        """Build it at its start, with or without its limits."""
+    def __init__(self, mechanism: Mechanism, options: DartEngine) -> None:
+        """Build it at its start."""
         self.mechanism, self.to = mechanism, JointCoordinates(mechanism)
         super().__init__(self.to)
         if options.timestep != DARTS_STEP:
@@ -60,7 +61,8 @@ class Alone(Skeleton):
         others = [each for each in mechanism.force_elements if each.name not in self.springs]
         self.pushed = mechanism.model_copy(update={"force_elements": tuple(others)})
         self.forces = GivenForces(self.pushed)
-        self.ranges = _ranges(self.to) if limited else {}
+        limits = JointLimits(self.to, "dart")
+        self.limits, self.ranges = limits.limits, limits.ranges(limits.limits)
         for index, (low, high) in self.ranges.items():
             self.moving[index].setPositionLowerLimit(0, low)
             self.moving[index].setPositionUpperLimit(0, high)
@@ -132,21 +134,19 @@ _CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.E
 )
 
 
-def _ranges(to: JointCoordinates) -> dict[int, tuple[float, float]]:
-    limits = JointLimits(to, "dart")
-    return limits.ranges(limits.limits)
-
-
 # --- A run
 
 
 def run_alone(problem: Problem, options: DartEngine) -> Recording:
     """Step DART from the start to a problem's end or just beyond, and read it.
 
-    Forces at an instant are those of the step that begins there.
+    Forces at an instant are those of the step that begins there. DART tells the impulses of limits,
+    and the forces of the tree's joints, which balance what its ball-joint constraints exert; the
+    forces of these follow from Newton's law of the bodies, by DART's changes of speed.
 
     Raises:
-        UnsupportedProblemError: a loop is not closed by a pin, or a stop is on no joint.
+        UnsupportedProblemError: a loop is not closed by a pin, or the force of such a pin does not
+            follow; or a stop is on no joint.
     """
     mechanism = problem.mechanism
     alone = Alone(mechanism, options)
@@ -156,34 +156,46 @@ def run_alone(problem: Problem, options: DartEngine) -> Recording:
     states: list[State] = []
     for _ in times:
         states.append(alone.state())
-        reader.see(states[-1])
+        reader.see()
     j, v = (np.array(values) for values in zip(*states, strict=True))
     q, u = alone.to.mechanism_positions(j), alone.to.mechanism_speeds(v)
-    speeds = np.concatenate([v[1:], alone.state()[1][None]])
-    efforts = reader.efforts(q, states, speeds)
+    rates = (np.concatenate([v[1:], alone.state()[1][None]]) - v) / options.timestep
+    seen = reader.observations(j, v, rates)
+    reactions = reader.reactions(q, u)
+    energies = reader.applied.potential_energy(q)
     samples, events = Samples(problem), ContactEvents(mechanism, "dart")
     for k, time in enumerate(times):
-        contacts = {name: float(effort[k]) for name, effort in efforts.items()}
-        samples.add(float(time), (q[k], u[k]), contacts, reader.observation(k, states[k], q[k]))
+        observation = replace(
+            seen[k],
+            potential_energy=seen[k].potential_energy + float(energies[k]),
+            reactions={name: force[k] for name, force in reactions.items()},
+        )
+        samples.add(float(time), (q[k], u[k]), reader.torques[k], observation)
     samples.steps = steps
+    efforts = {
+        stop.name: np.array([torques[stop.name] for torques in reader.torques])
+        for stop in mechanism.stops
+    }
     note_own_releases(events, times, efforts)
     return samples.recording(events)
 
 
 class _Reader:
-    """Reads a run: joint forces while it goes on, the rest from its states, in other worlds."""
+    """Reads a run: forces while it goes on, the rest from its states, in another world."""
 
     def __init__(self, alone: Alone, options: DartEngine) -> None:
-        self.alone, self.timestep, self.to = alone, options.timestep, alone.to
-        self.kinematics = Kinematics(alone.mechanism)
-        self.applied = AppliedForces(self.kinematics)
+        self.alone, self.timestep = alone, options.timestep
+        self.applied = AppliedForces(Kinematics(alone.mechanism))
         self.tree = DartTree(alone.mechanism)
-        self.free = Alone(alone.mechanism, options, limited=False)
+        self.pins = LoopPins(alone.mechanism, "dart")
         self.joints = [each for each in alone.mechanism.tree_joints if each.held_directions]
         self.forces: list[dict[str, FloatArray]] = []
+        self.torques: list[dict[str, float]] = []
+        """Of each stop in each step [N m]: the impulse of its limit over the step."""
+        self.accelerations: dict[str, list[FloatArray]] = {name: [] for name in self.pins.bodies}
 
-    def see(self, state: State) -> None:
-        """Take a step from a state, and note DART's body forces in it."""
+    def see(self) -> None:
+        """Take a step from the present state, and note DART's forces in it."""
         nodes = {joint.name: self.alone.bodies[joint.child] for joint in self.joints}
         turned = {
             name: np.array(node.getWorldTransform().matrix())[:2, :2]
@@ -193,40 +205,39 @@ class _Reader:
         self.forces.append(
             {name: turned[name] @ node.getBodyForce()[3:5] for name, node in nodes.items()}
         )
-
-    def efforts(
-        self, q: FloatArray, states: list[State], speeds: FloatArray
-    ) -> dict[str, FloatArray]:
-        """Torque of each limit in the step from each state [N m], from the speeds that it changes.
-
-        Args:
-            q: the mechanism's coordinates, shape (n, n_q).
-            states: of the joint coordinates.
-            speeds: of the joints after the steps, shape (n, n_q).
-        """
-        stops = self.alone.mechanism.stops
-        if not stops:
-            return {}
-        rows = [self._pushing(*given) for given in zip(states, q, speeds, strict=True)]
-        return dict(zip((stop.name for stop in stops), np.array(rows).T, strict=True))
-
-    def _pushing(self, state: State, q: FloatArray, after: FloatArray) -> list[float]:
-        j, v = state
-        self.free.place(j, v)
-        self.free.step()
-        whole, by_limits = (
-            self.to.mechanism_speeds(after - before) / self.timestep
-            for before in (v, self.free.state()[1])
+        self.torques.append(
+            {
+                name: max(0.0, limit.sense * self._impulse(limit.index) / self.timestep)
+                for name, limit in self.alone.limits.items()
+            }
         )
-        mass = self.to.mass_matrix(self.tree.mass_matrix(j))
-        return torques_of_limits(self.kinematics, mass, q, whole, by_limits)
 
-    def observation(self, k: int, state: State, q: FloatArray) -> Observation:
-        """Points and energies in a state, and the joint forces of the step from it."""
-        j, v = state
-        seen = self.tree.observe(j, v, np.zeros_like(v))
-        energy = seen.potential_energy + float(self.applied.potential_energy(q))
-        return replace(seen, potential_energy=energy, reactions=self.forces[k])
+    def _impulse(self, index: int) -> float:
+        """Impulse [N m s] of a joint's limits in the last step, along its coordinate."""
+        return float(self.alone.moving[index].getConstraintImpulse(0))
+
+    def observations(self, j: FloatArray, v: FloatArray, rates: FloatArray) -> list[Observation]:
+        """Points and energies in each state, from which the joint speeds change at these rates.
+
+        Accelerations of the bodies that pins of loops are on are noted.
+        """
+        seen: list[Observation] = []
+        for state in zip(j, v, rates, strict=True):
+            seen.append(self.tree.observe(*state))
+            for name, found in self.accelerations.items():
+                found.append(np.array(self.tree.bodies[name].getCOMLinearAcceleration()[:2]))
+        return seen
+
+    def reactions(self, q: FloatArray, u: FloatArray) -> dict[str, FloatArray]:
+        """Force of each joint on its child in the step from each state [N], shape (n, 2)."""
+        mechanism = self.alone.mechanism
+        told = {
+            joint.name: np.array([forces[joint.name] for forces in self.forces])
+            for joint in self.joints
+        }
+        accelerations = {name: np.array(found) for name, found in self.accelerations.items()}
+        applied = self.applied.on_bodies(q, u) if accelerations else {}
+        return told | self.pins.forces(left_over(mechanism, accelerations, told, applied))
 
 
 # --- The run as a program

@@ -54,7 +54,7 @@ class DartEngine(BuiltinEngine):
     assistance: ClassVar[tuple[Assistance, ...] | None] = all_by("mode", "step", MOVED)
     readings: ClassVar[Supplied] = {
         Part.ELEMENTS: "forces of loads and of springs on no joint, given before each step",
-        Part.TORQUES: "from the speeds that limits change",
+        Part.LOOP_REACTIONS: "of pins, from the bodies' accelerations and the other joints' forces",
     }
 
     mode: Literal["dynamics", "step"] = Field(

@@ -51,12 +51,14 @@ STUDY = EngineStudy(
         chosen="Its own steps have no option but their length, so that default and settings are "
         "one: semi-implicit Euler in joint coordinates, order {{ alone.order }}; limits are "
         "enforced, which DART does not do where it is not asked to.",
-        not_possible="Forces of constraints that close loops are not told; there are springs of "
-        "joints and none between points, so that their forces are given before each step; our "
-        "adapter closes loops by pins alone, and builds no stops on points and no restitution from "
-        "DART's own elements.",
-        would_change="A step of higher order: the same mass matrix and forces are right to "
-        "rounding, as the model check shows.",
+        not_possible="Its Python wheel tells what constraints that close loops do to joints, not "
+        "to bodies: our adapter reads the forces of such pins off the bodies' accelerations and "
+        "the other joints' forces. There are springs of joints and none between points, so that "
+        "their forces are given before each step; our adapter closes loops by pins alone, and "
+        "builds no stops on points and no restitution from DART's own elements.",
+        would_change="The impulses of constraints on bodies in Python, as those of joints are "
+        "there (`Joint.getConstraintImpulse`); a step of higher order: the same mass matrix and "
+        "forces are right to rounding, as the model check shows.",
     ),
     colour="#c71585",
 )

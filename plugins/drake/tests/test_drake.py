@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
-from trebucheck.engines.presets import DEFAULT, SETTINGS
+from trebucheck.comparisons.runs.runner import refuse_invalid
+from trebucheck.engines.inspection import State
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
+from trebucheck.engines.supplied import Part, stated
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 from trebucheck_drake.alone import Alone, is_free
@@ -72,6 +75,32 @@ def test_its_own_springs_are_drakes_force_elements() -> None:
         assert len(alone.pushed.force_elements) == 1 - own
 
 
+@pytest.mark.parametrize(
+    "name", ["torsion-pendulum", "damped-oscillator", "spring-pendulum", "motor", "squeezer"]
+)
+def test_a_continuous_plant_has_its_own_springs_too(name: str) -> None:
+    """Nothing of them is counted twice, or left out, in forces, reactions and energies."""
+    problem = benchmark(name).problem()
+    problem = problem.model_copy(update={"duration": problem.duration / 100})
+    made = _engine(ASSISTED, timestep=problem.duration / 50)
+    found, solution = made.simulate(problem), tb.solve(problem)
+    kept = found.t <= problem.duration
+    truth = solution.trajectory(found.t[kept])
+    for own, right in (
+        (found.u[kept], truth.u),
+        (found.potential_energy[kept], truth.potential_energy),
+        *((found.joint_reactions[name][kept], f) for name, f in truth.joint_reactions.items()),
+    ):
+        assert own == pytest.approx(right, abs=1e-8 * max(1.0, np.abs(right).max()))
+    # The forces of an inspection give its accelerations; between loops there are others.
+    if not problem.mechanism.loop_joints:
+        state = State(found.q[-1], found.u[-1], ())
+        (seen,) = made.inspect(problem.mechanism, [state]).dynamics
+        assert seen.mass_matrix is not None and seen.forces is not None
+        moved = seen.mass_matrix @ seen.accelerations
+        assert moved == pytest.approx(seen.forces, abs=1e-9 * np.abs(seen.forces).max())
+
+
 def test_settings_are_continuous_where_nothing_has_to_be_held() -> None:
     for name, free in (("pendulum", True), ("torsion-pendulum", True), ("n-four-bar", False)):
         problem = benchmark(name).problem().model_copy(update={"duration": 0.2})
@@ -89,6 +118,40 @@ def test_limits_hold_and_release_by_themselves() -> None:
         released = found.release_times[name]
         assert (released is None) == (time is None)
         assert released is None or time is None or abs(released - time) <= 2e-3
+
+
+@pytest.mark.parametrize("preset", [DEFAULT, SETTINGS])
+@pytest.mark.parametrize("name", ["n-four-bar", "squeezer", "three-cranks"])
+def test_each_joint_of_a_mechanism_with_loops_has_its_force(name: str, preset: str) -> None:
+    problem = benchmark(name).problem()
+    made = _engine(preset, timestep=problem.duration / 2000)
+    found = made.simulate(problem.model_copy(update={"duration": problem.duration / 100}))
+    mechanism = refuse_invalid("drake", found, found.mechanism, made.capabilities).mechanism
+    assert len(mechanism.loop_joints) == {"n-four-bar": 1, "squeezer": 3, "three-cranks": 2}[name]
+    supplied = stated(made, mechanism)
+    assert supplied is not None and Part.LOOP_REACTIONS in supplied
+
+
+def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order() -> None:
+    problem = benchmark("squeezer").problem()
+    problem = problem.model_copy(update={"duration": problem.duration / 10})
+    solution = tb.solve(problem)
+
+    def errors(steps: int) -> dict[str, float]:
+        step = problem.duration / steps
+        found = _engine(DEFAULT, timestep=step).simulate(problem)
+        # Drake's constraints are compliant: at the start they do not hold in full.
+        kept = (found.t > 0.1 * problem.duration) & (found.t < problem.duration)
+        truth = solution.trajectory(found.t[kept]).joint_reactions
+        return {
+            name: float(np.abs(force[kept] - truth[name]).max())
+            for name, force in found.joint_reactions.items()
+        }
+
+    coarse, fine = errors(500), errors(1000)
+    assert coarse.keys() == {joint.name for joint in problem.mechanism.joints}
+    for name, error in coarse.items():
+        assert np.log2(error / fine[name]) == pytest.approx(1.0, abs=0.1), name
 
 
 @pytest.mark.parametrize("problem", ["slider-crank", "bouncing", "stopped-pendulum"])

@@ -11,7 +11,7 @@ the law. What is Drake's default is not set. :func:`script` gives the same run a
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +19,6 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-from pydrake.multibody.tree import LinearSpringDamper, RevoluteSpring
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
 from trebucheck.engines.protocol import Recording
@@ -27,7 +26,6 @@ from trebucheck.engines.study import filled_template
 from trebucheck.models import elements
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.elements import AnyForceElement
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
@@ -35,10 +33,11 @@ from trebucheck_toolkit.event_driver import Observation, Samples
 from trebucheck_toolkit.given_forces import GivenForces, program, springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
 from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
 
-from .build import Built, add_link, in_space, link_of
-from .read import Reader
+from .build import Built, add_link, has_length, in_space, link_of
+from .read import Reader, in_plane
 
 if TYPE_CHECKING:
     from .engine import DrakeEngine
@@ -61,24 +60,10 @@ class Alone(Built):
         self.pins = [_CLOSING[joint](joint) for joint in mechanism.loop_joints]
         for joint in self.pins:
             plant.AddBallConstraint(
-                *self._ends(joint.parent, joint.parent_point),
-                *self._ends(joint.child, joint.child_point),
+                *self.end(joint.parent, joint.parent_point),
+                *self.end(joint.child, joint.child_point),
             )
-        self.joint_springs = springs_of_joints(to, but=self.ranges)
-        for index, (stiffness, rest, damping) in self.joint_springs.values():
-            plant.AddForceElement(RevoluteSpring(self.moving[index], rest, stiffness))
-            self.moving[index].set_default_damping_vector([damping])
-        self.springs = [each for each in mechanism.force_elements if _has_length(each)]
-        for each in self.springs:
-            ends = (
-                *self._ends(each.relative_to, each.relative_point),
-                *self._ends(each.body, each.point),
-            )
-            law = each.rest_length, each.stiffness, each.damping
-            plant.AddForceElement(LinearSpringDamper(*ends, *law))
-        own = {*self.joint_springs, *(each.name for each in self.springs)}
-        others = [each for each in mechanism.force_elements if each.name not in own]
-        self.pushed = mechanism.model_copy(update={"force_elements": tuple(others)})
+        self.add_springs(but=self.ranges)
         self.forces, self.given = GivenForces(self.pushed), list[Any]()
 
     def start(self) -> None:
@@ -92,9 +77,6 @@ class Alone(Built):
         self.plant.SetPositions(self.context, self.in_order(to.positions(q), self.positions))
         self.plant.SetVelocities(self.context, self.in_order(to.speeds(u), self.speeds))
         self.give_forces()
-
-    def _ends(self, body: str, point: tuple[float, float]) -> tuple[Any, FloatArray]:
-        return self.bodies[body], in_space(point)
 
     def state(self) -> State:
         """The joint coordinates and speeds."""
@@ -143,17 +125,12 @@ class Alone(Built):
         self.given.append(given)
 
 
-def _has_length(element: AnyForceElement) -> bool:
-    """Tell whether it is a spring that Drake has: one of no length at rest is not among them."""
-    return isinstance(element, elements.SpringDamper) and element.rest_length > 0
-
-
 def is_free(mechanism: Mechanism) -> bool:
     """Tell whether a continuous plant has all of it: no stops, no loops, springs of Drake's."""
     if mechanism.stops or mechanism.loop_joints:
         return False
     own = springs_of_joints(JointCoordinates(mechanism))
-    return all(_has_length(each) or each.name in own for each in mechanism.force_elements)
+    return all(has_length(each) or each.name in own for each in mechanism.force_elements)
 
 
 def integration(options: DrakeEngine) -> dict[str, Any]:
@@ -182,10 +159,13 @@ _CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.E
 def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     """Step Drake from the start to a problem's end or just beyond, and read it.
 
-    Forces at an instant are those of the step that begins there.
+    Forces at an instant are those of the step that begins there. Drake tells those of the tree's
+    joints, and counts what its ball constraints exert; the forces of these follow from Newton's law
+    of the bodies, by Drake's accelerations and reactions.
 
     Raises:
-        UnsupportedProblemError: a loop is not closed by a pin, or a stop is on no joint.
+        UnsupportedProblemError: a loop is not closed by a pin, or the force of such a pin does not
+            follow; or a stop is on no joint.
     """
     mechanism = problem.mechanism
     alone = Alone(mechanism, options)
@@ -204,11 +184,16 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     j, v = (np.array(values) for values in zip(*states, strict=True))
     to = alone.coordinates
     q, u = to.mechanism_positions(j), to.mechanism_speeds(v)
+    pins = reader.forces_of_pins(q, u, [observation for _, observation in seen])
+    given = reader.applied.potential_energy(q)
     samples, events = Samples(problem), ContactEvents(mechanism, "drake")
     for k, time in enumerate(times):
         contacts, observation = seen[k]
-        energy = observation.potential_energy + reader.energy_of_given(q[k])
-        observation = replace(observation, potential_energy=energy)
+        observation = replace(
+            observation,
+            potential_energy=observation.potential_energy + float(given[k]),
+            reactions={**observation.reactions, **{name: force[k] for name, force in pins.items()}},
+        )
         samples.add(float(time), (q[k], u[k]), contacts, observation)
     samples.steps = steps
     efforts = {
@@ -224,12 +209,11 @@ class _Reader:
 
     def __init__(self, alone: Alone) -> None:
         self.alone, self.reader = alone, Reader(alone)
-        # Drake counts the energy of its own springs.
         self.applied = AppliedForces(Kinematics(alone.pushed))
-
-    def energy_of_given(self, q: FloatArray) -> float:
-        """Energy of the springs that Drake does not have [J]."""
-        return float(self.applied.potential_energy(q))
+        """Of the springs and loads whose energy Drake does not count, as it does its own."""
+        self.pins = LoopPins(alone.mechanism, "drake")
+        self.accelerations: dict[str, list[FloatArray]] = {name: [] for name in self.pins.bodies}
+        self._centres = {body.name: np.array(body.centre) for body in alone.mechanism.bodies}
 
     def observe(self) -> tuple[dict[str, float], Observation]:
         """Torque of each limit [N m], and points, energies and reactions.
@@ -238,13 +222,40 @@ class _Reader:
         """
         alone, context = self.alone, self.alone.context
         forces = alone.plant.get_reaction_forces_output_port().Eval(context)
-        greatest = max((float(np.abs(each.get_coeffs()).max()) for each in forces), default=0.0)
         torques: dict[str, float] = {}
-        for name, limit in alone.limits.items():
-            turning = forces[int(alone.moving[limit.index].index())].rotational()[2]
-            torque = -limit.sense * float(turning)
-            torques[name] = torque if torque > _ROUNDING * greatest else 0.0
-        return torques, self.reader.observe(context)
+        if alone.limits:
+            greatest = max(float(np.abs(each.get_coeffs()).max()) for each in forces)
+            for name, limit in alone.limits.items():
+                turning = forces[int(alone.moving[limit.index].index())].rotational()[2]
+                torque = -limit.sense * float(turning)
+                torques[name] = torque if torque > _ROUNDING * greatest else 0.0
+        if self.accelerations:
+            rates = alone.plant.get_body_spatial_accelerations_output_port().Eval(context)
+            for name, found in self.accelerations.items():
+                found.append(self._of_centre(name, rates[int(alone.bodies[name].index())]))
+        return torques, self.reader.observe(context, forces)
+
+    def _of_centre(self, name: str, rate: Any) -> FloatArray:
+        """Acceleration of a body's centre of mass [m/s^2], from that of its frame."""
+        body, context = self.alone.bodies[name], self.alone.context
+        arm = in_plane(body.EvalPoseInWorld(context).rotation()) @ self._centres[name]
+        spin = body.EvalSpatialVelocityInWorld(context).rotational()
+        return rate.Shift(in_space(arm), spin).translational()[:2]
+
+    def forces_of_pins(
+        self, q: FloatArray, u: FloatArray, seen: Sequence[Observation]
+    ) -> dict[str, FloatArray]:
+        """Force of each pin that closes a loop on its child in each state [N], shape (n, 2)."""
+        if not self.accelerations:
+            return {}
+        mechanism = self.alone.mechanism
+        resultants = left_over(
+            mechanism,
+            {name: np.array(found) for name, found in self.accelerations.items()},
+            {name: np.array([each.reactions[name] for each in seen]) for name in seen[0].reactions},
+            AppliedForces(Kinematics(mechanism)).on_bodies(q, u),
+        )
+        return self.pins.forces(resultants)
 
 
 # --- The run as a program

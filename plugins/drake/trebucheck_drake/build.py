@@ -7,6 +7,7 @@ as it is here.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,15 +15,18 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
+    LinearSpringDamper,
     PrismaticJoint,
     RevoluteJoint,
+    RevoluteSpring,
     RotationalInertia,
     SpatialInertia,
     WeldJoint,
 )
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.elements import GROUND, AnyJoint
+from trebucheck.models.elements import GROUND, AnyForceElement, AnyJoint, SpringDamper
 from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck_toolkit.given_forces import springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.schemes import State
 
@@ -119,6 +123,30 @@ class Built:
             self.carriers[joint.name] = joints[-1]
             self.moving += [each for each in joints if each.num_velocities()]
 
+    def end(self, body: str, point: tuple[float, float]) -> tuple[Any, FloatArray]:
+        """A point of a body, as Drake's constraints and springs take it."""
+        return self.bodies[body], in_space(point)
+
+    def add_springs(self, but: Collection[int] = ()) -> None:
+        """Add those springs that Drake has; joint coordinates `but` get none."""
+        self.joint_springs = springs_of_joints(self.coordinates, but=but)
+        for index, (stiffness, rest, damping) in self.joint_springs.values():
+            self.plant.AddForceElement(RevoluteSpring(self.moving[index], rest, stiffness))
+            self.moving[index].set_default_damping_vector([damping])
+        every = self.mechanism.force_elements
+        self.springs = [each for each in every if has_length(each)]
+        for each in self.springs:
+            ends = (
+                *self.end(each.relative_to, each.relative_point),
+                *self.end(each.body, each.point),
+            )
+            law = each.rest_length, each.stiffness, each.damping
+            self.plant.AddForceElement(LinearSpringDamper(*ends, *law))
+        own = {*self.joint_springs, *(each.name for each in self.springs)}
+        others = tuple(each for each in every if each.name not in own)
+        self.pushed = self.mechanism.model_copy(update={"force_elements": others})
+        """The mechanism with the other springs, and loads, alone."""
+
     def finalize(self) -> None:
         """End the building."""
         self.plant.Finalize()
@@ -140,6 +168,11 @@ class Built:
         )
 
 
-def in_space(point: tuple[float, float]) -> FloatArray:
+def has_length(element: AnyForceElement) -> bool:
+    """Tell whether it is a spring that Drake has: one of no length at rest is not among them."""
+    return isinstance(element, SpringDamper) and element.rest_length > 0
+
+
+def in_space(point: tuple[float, float] | FloatArray) -> FloatArray:
     """A vector of the plane in space."""
     return np.array([*point, 0.0])

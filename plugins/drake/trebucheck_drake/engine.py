@@ -18,6 +18,12 @@ from trebucheck_toolkit.event_driver import EventDriver
 
 from .study import STUDY
 
+HELD_BUT_SPRINGS: Supplied = {
+    **HELD,
+    Part.ELEMENTS: "forces of loads and of springs that Drake does not have",
+}
+"""Of a continuous plant: it has springs of its own."""
+
 
 class DrakeEngine(BuiltinEngine):
     """Drake's MultibodyPlant; the defaults are the assisted preset.
@@ -25,7 +31,8 @@ class DrakeEngine(BuiltinEngine):
     Assisted, the plant is continuous and moved by an error-controlled integrator of Drake's. Such a
     plant has no limits, no contacts without compliance and no constraints (Drake refuses them by a
     warning or an error), so that stops and joints that close loops are held by generalized forces
-    from its mass matrix and accelerations, and events are located by trebucheck's driver.
+    from its mass matrix and accelerations, and events are located by trebucheck's driver. Springs
+    are Drake's where it has them.
 
     By itself (`mode="discrete"`, :mod:`.alone`) it is a plant with time steps that a simulator of
     Drake's moves from start to end, with joint limits, ball constraints and springs of its own;
@@ -57,10 +64,13 @@ class DrakeEngine(BuiltinEngine):
         "continuous_plant": False,
     }
     settings_options: ClassVar[Mapping[str, object] | None] = {"mode": "discrete"}
-    assistance: ClassVar[tuple[Assistance, ...] | None] = all_by("mode", "discrete", HELD)
+    assistance: ClassVar[tuple[Assistance, ...] | None] = all_by(
+        "mode", "discrete", HELD_BUT_SPRINGS
+    )
     readings: ClassVar[Supplied] = {
         Part.ELEMENTS: "forces of loads and of springs that Drake does not have, given before each "
         "step",
+        Part.LOOP_REACTIONS: "of pins, from the bodies' accelerations and the other joints' forces",
     }
 
     mode: Literal["continuous", "discrete"] = Field(
@@ -91,7 +101,7 @@ class DrakeEngine(BuiltinEngine):
     @property
     def supplied(self) -> Supplied:
         """What is held and pushed, in a continuous plant; by itself the forces that are given."""
-        return HELD if self.mode == "continuous" else self.readings
+        return HELD_BUT_SPRINGS if self.mode == "continuous" else self.readings
 
     def _run(self, problem: Problem) -> Recording:
         if self.mode == "discrete":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.models.kinematics import initial_state
 from trebucheck.models.mechanism import Mechanism
@@ -30,12 +29,10 @@ def inspect(mechanism: Mechanism, states: Sequence[State]) -> Inspection:
 
 
 def _dynamics(motion: Motion, state: State) -> Dynamics:
-    drake, plant, to = motion.drake, motion.drake.plant, motion.drake.built.coordinates
+    drake = motion.drake
     solved = motion.solve(state.q, state.u, state.closed)
     mass = drake.mass_matrix(state.q)
-    drake.place(state.q, state.u)
-    bias = plant.CalcGravityGeneralizedForces(drake.context) - plant.CalcBiasTerm(drake.context)
-    forces = np.linalg.solve(to.sums.T, bias[drake.built.speeds])
+    forces = drake.forces(state.q, state.u)
     return Dynamics(
         accelerations=solved.accelerations,
         stop_torques=solved.contacts,

@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from pydrake.multibody.tree import MultibodyForces
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
 from trebucheck.engines.events import Contacts
+from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums
 from trebucheck_toolkit.event_driver import Observation
@@ -28,10 +31,13 @@ class Model:
         self.built, self.plant = built, built.plant
         self.context: Any = self.plant.CreateDefaultContext()
         self.port: Any = self.plant.get_applied_generalized_force_input_port()
+        self.rows = np.ix_(built.speeds, built.speeds)
+        self._placed: FloatArray | None = None
 
     def place(self, q: FloatArray, u: FloatArray) -> None:
         """Set the context's state."""
         to, built = self.built.coordinates, self.built
+        self._placed = q
         self.plant.SetPositions(self.context, built.in_order(to.positions(q), built.positions))
         self.plant.SetVelocities(self.context, built.in_order(to.speeds(u), built.speeds))
 
@@ -52,12 +58,21 @@ class Model:
         ]
         return self.built.coordinates.mechanism_speeds(rates[self.built.speeds])
 
+    def forces(self, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Generalized forces of gravity and of Drake's springs, less its bias forces."""
+        self.place(q, u)
+        of_elements = MultibodyForces(self.plant)
+        self.plant.CalcForceElementsContribution(self.context, of_elements)
+        found = self.plant.CalcGeneralizedForces(self.context, of_elements)
+        found -= self.plant.CalcBiasTerm(self.context)
+        return np.linalg.solve(self.built.coordinates.sums.T, found[self.built.speeds])
+
     def mass_matrix(self, q: FloatArray) -> FloatArray:
         """Drake's."""
-        self.place(q, np.zeros_like(q))
-        rows = self.built.speeds
+        if self._placed is not q:  # it has nothing to do with the speeds
+            self.place(q, np.zeros_like(q))
         return self.built.coordinates.mass_matrix(
-            self.plant.CalcMassMatrix(self.context)[np.ix_(rows, rows)]
+            self.plant.CalcMassMatrix(self.context)[self.rows]
         )
 
 
@@ -75,8 +90,7 @@ class Held(LeafSystem):
         if not self.held and self.motion.plain:  # asked for a dozen times a step
             output.SetZero()
             return
-        q, u = self.motion.drake.built.coordinates_of(self.get_input_port().Eval(context))
-        output.SetFromVector(self.motion.forces(q, u, self.held))
+        output.SetFromVector(self.motion.forces(self.get_input_port().Eval(context), self.held))
 
 
 class Motion(ConstrainedDynamics):
@@ -86,12 +100,14 @@ class Motion(ConstrainedDynamics):
         self, mechanism: Mechanism, integrator: str, accuracy: float, timestep: float
     ) -> None:
         self.timestep, built = timestep, Built(mechanism)
+        built.add_springs()
         built.finalize()
         self.drake = Model(built)
         self.reader = Reader(built)
         super().__init__(mechanism, self.drake)
+        self.applied = AppliedForces(Kinematics(built.pushed))  # Drake counts its own springs
         self.loops = bool(mechanism.loop_joints)
-        self.plain = not (self.loops or mechanism.force_elements)
+        self.plain = not (self.loops or built.pushed.force_elements)
         builder, self.system = DiagramBuilder(), Held(self)
         plant = builder.AddSystem(built.plant)
         builder.AddSystem(self.system)
@@ -102,21 +118,29 @@ class Motion(ConstrainedDynamics):
         self.simulator: Any = Simulator(builder.Build())
         config = SimulatorConfig(
             integration_scheme=integrator,
-            max_step_size=timestep,
+            # The difference of rounded times may be longer than the time step: Drake would then add
+            # a step of some 1e-20 s, which costs as much as any.
+            max_step_size=2.0 * timestep,
             accuracy=accuracy,
             use_error_control=True,
         )
         ApplySimulatorConfig(config, self.simulator)
         if self.loops:  # at a singular position no step is small enough: it has to be stepped over
             self.simulator.get_mutable_integrator().set_throw_on_minimum_step_size_violation(False)
+        none = np.full(built.plant.num_multibody_states(), np.nan)
+        self._given: tuple[FloatArray, State] = none, (none, none)
+        """State of Drake's that the last step began in, and the same in the mechanism's terms."""
         self.state_context: Any = plant.GetMyMutableContextFromRoot(
             self.simulator.get_mutable_context()
         )
 
-    def forces(self, q: FloatArray, u: FloatArray, held: Contacts) -> FloatArray:
-        """Drake's joint forces of springs, motors, and of what is held."""
+    def forces(self, state: FloatArray, held: Contacts) -> FloatArray:
+        """Drake's joint forces of springs, motors, and of what is held, in a state of its own."""
+        given, at = self._given
+        # What has been solved in the state that a step begins in is not solved again.
+        q, u = at if (state == given).all() else self.drake.built.coordinates_of(state)
         if held or self.loops:
-            return self.drake.joint_forces(self.generalized(q, u, self.solve(q, u, held), held))
+            return self.drake.joint_forces(self.solve(q, u, held).generalized)
         return self.drake.joint_forces(self.applied.generalized(q, u))
 
     def advance(self, state: State, step: float, held: Contacts) -> State:
@@ -129,8 +153,9 @@ class Motion(ConstrainedDynamics):
             self.state_context, built.in_order(to.positions(state[0]), built.positions)
         )
         plant.SetVelocities(self.state_context, built.in_order(to.speeds(state[1]), built.speeds))
+        self._given = plant.get_state_output_port().Eval(self.state_context).copy(), state
         integrator: Any = self.simulator.get_mutable_integrator()
-        integrator.request_initial_step_size_target(min(step, self.timestep))
+        integrator.request_initial_step_size_target(step)
         if self.loops:
             integrator.set_requested_minimum_step_size(_LEAST * step)
         self.simulator.Initialize()
@@ -141,7 +166,7 @@ class Motion(ConstrainedDynamics):
     def observe(self, q: FloatArray, u: FloatArray, solved: Solved) -> Observation:
         """Points, energies and joint forces, as Drake has them."""
         self.drake.place(q, u)
-        self.drake.apply(self.generalized(q, u, solved, tuple(solved.contacts)))
+        self.drake.apply(solved.generalized)
         seen = self.reader.observe(self.drake.context)
         others = subtree_sums(self.mechanism, self.forces_on_bodies(q, u, solved))
         return Observation(

@@ -63,12 +63,13 @@ STUDY = EngineStudy(
         chosen="A plant with time steps is what `MultibodyPlantConfig` makes, of order "
         "{{ plain.order }}; where nothing has to be held, settings take a continuous plant and an "
         "error-controlled Runge-Kutta rule to an accuracy that is set.",
-        not_possible="A continuous plant has no joint limits and no constraints, and a "
-        "discrete one tells no forces of constraints that close loops, nor counts them in the "
-        "reactions of joints; our adapter closes loops by pins alone, and builds no stops on "
+        not_possible="A continuous plant has no joint limits and no constraints. A discrete one "
+        "counts the forces of constraints that close loops in the reactions of joints, and has "
+        "no port that tells them: our adapter reads those of pins off the bodies' accelerations "
+        "and the joints' reactions. It closes loops by pins alone, and builds no stops on "
         "points and no restitution from Drake's own elements.",
-        would_change="Limits and constraints in continuous plants; forces of constraints in "
-        "discrete ones.",
+        would_change="Limits and constraints in continuous plants; an output port of the forces "
+        "of constraints in discrete ones.",
     ),
     colour="#1f4e9e",
 )

@@ -54,7 +54,7 @@ class Motion(ConstrainedDynamics):
 
     def observe(self, q: FloatArray, u: FloatArray, solved: Solved) -> Observation:
         """Points, energies and joint forces, as MJX has them."""
-        seen = self.mjx.built.forward(q, u, self.generalized(q, u, solved, tuple(solved.contacts)))
+        seen = self.mjx.built.forward(q, u, solved.generalized)
         shown = self.mjx.reader.observe(seen, q, u)
         others = subtree_sums(self.mechanism, self.forces_on_bodies(q, u, solved))
         return Observation(

@@ -88,7 +88,7 @@ class Motion(ConstrainedDynamics):
         """Points, energies and joint reactions, as OpenSim has them."""
         built = self.opensim.built
         built.place(q, u, built.state)
-        built.apply(self.generalized(q, u, solved, tuple(solved.contacts)), built.state)
+        built.apply(solved.generalized, built.state)
         seen = self.reader.observe(built.state)
         others = subtree_sums(self.mechanism, self.forces_on_bodies(q, u, solved))
         return Observation(

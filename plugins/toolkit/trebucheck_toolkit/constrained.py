@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -49,8 +50,8 @@ class Solved:
     """Force of each held contact [N m, N], positive where it pushes."""
     loops: Mapping[str, FloatArray] = field(default_factory=dict[str, FloatArray])
     """Force of each joint that closes a loop on its child, world frame [N], shape (2,)."""
-    multipliers: FloatArray = field(default_factory=lambda: np.zeros(0))
-    """Multipliers of the loop closures, shape (n_loops,)."""
+    generalized: FloatArray = field(default_factory=lambda: np.zeros(0))
+    """Generalized forces of the force elements and of what is held, shape (n_q,) [N m, N]."""
 
 
 class ConstrainedDynamics:
@@ -65,31 +66,21 @@ class ConstrainedDynamics:
     def solve(self, q: FloatArray, u: FloatArray, held: Contacts) -> Solved:
         """Accelerations and forces in a state, with contacts held; the last ones are kept."""
         last = self._last
-        if last is None or last[0] is not q or last[1] is not u or last[2] != held:
+        if last is None or last[2] != held or not (_same(last[0], q) and _same(last[1], u)):
             last = self._last = (q, u, held, self._solved(q, u, held))
         return last[3]
 
     def _solved(self, q: FloatArray, u: FloatArray, held: Contacts) -> Solved:
-        free = self.engine.accelerations(q, u, self.applied.generalized(q, u))
+        applied = self.applied.generalized(q, u)
+        free = self.engine.accelerations(q, u, applied)
         rows, bias = self._rows(q, u, held)
         if not len(rows):
-            return Solved(free, {})
+            return Solved(free, {}, generalized=applied)
         response = inverse(self.engine.mass_matrix(q)) @ rows.T
         forces = _least_norm(rows @ response, -(rows @ free + bias))
         contacts = dict(zip(held, forces[: len(held)].tolist(), strict=True))
-        loops = forces[len(held) :]
-        return Solved(free + response @ forces, contacts, self._loop_forces(q, loops), loops)
-
-    def generalized(
-        self, q: FloatArray, u: FloatArray, solved: Solved, held: Contacts
-    ) -> FloatArray:
-        """Generalized forces of the force elements, and of what is held, shape (n_q,) [N m, N]."""
-        applied = self.applied.generalized(q, u)
-        rows, _ = self._rows(q, u, held)
-        if not len(rows):
-            return applied
-        forces = np.append([solved.contacts[name] for name in held], solved.multipliers)
-        return applied + rows.T @ forces
+        loops = self._loop_forces(q, forces[len(held) :])
+        return Solved(free + response @ forces, contacts, loops, applied + rows.T @ forces)
 
     def projected(
         self, q: FloatArray, u: FloatArray, held: Contacts
@@ -137,8 +128,9 @@ class ConstrainedDynamics:
         return force * self._in_world(complex(*stop.normal), stop.relative_to, q)
 
     def _in_world(self, vector: complex, body: str, q: FloatArray) -> FloatArray:
-        turned = vector * np.exp(-1j * self.kinematics.angle(body).value(q))
-        return np.array([turned.real, turned.imag])
+        if body != GROUND:
+            vector *= complex(np.exp(-1j * self.kinematics.angle(body).value(q)))
+        return np.array([vector.real, vector.imag])
 
     def _rows(self, q: FloatArray, u: FloatArray, held: Contacts) -> tuple[FloatArray, FloatArray]:
         """G and dG/dt u: the held contacts' rows, then those of the loops."""
@@ -155,14 +147,21 @@ class ConstrainedDynamics:
 
     def _loop_forces(self, q: FloatArray, multipliers: FloatArray) -> dict[str, FloatArray]:
         """World forces of the loops' joints on their children, from the multipliers."""
-        forces, k = dict[str, FloatArray](), 0
+        values = multipliers.tolist()
+        return {
+            name: self._in_world(sum((values[k] * d for k, d in along), 0j), frame, q)
+            for name, frame, along in self._loop_directions
+        }
+
+    @cached_property
+    def _loop_directions(self) -> list[tuple[str, str, list[tuple[int, complex]]]]:
+        """Name of each loop's joint, the body that its directions turn with, its multipliers'."""
+        found, k = list[tuple[str, str, list[tuple[int, complex]]]](), 0
         for joint in self.mechanism.loop_joints:
             frame = joint.parent if joint.free_directions else GROUND
-            directions = joint.held_directions
-            force = sum((f * d for f, d in zip(multipliers[k:], directions, strict=False)), 0j)
-            forces[joint.name] = self._in_world(force, frame, q)
-            k += len(directions) + joint.holds_angle
-        return forces
+            found.append((joint.name, frame, list(enumerate(joint.held_directions, k))))
+            k += len(joint.held_directions) + joint.holds_angle
+        return found
 
 
 def subtree_sums(mechanism: Mechanism, forces: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -173,6 +172,11 @@ def subtree_sums(mechanism: Mechanism, forces: Mapping[str, FloatArray]) -> dict
         if joint.parent != GROUND:
             sums[joint.parent] = sums[joint.parent] + sums[joint.child]
     return {joint.name: sums[joint.child] for joint in joints}
+
+
+def _same(one: FloatArray, other: FloatArray) -> bool:
+    """Tell whether two states are equal; engines give a state that was set as another array."""
+    return one is other or bool((one == other).all())
 
 
 def _least_norm(matrix: FloatArray, target: FloatArray) -> FloatArray:
