@@ -4,12 +4,16 @@ No sample of an engine is interpolated, except for the launch, which falls betwe
 polynomial through the eight samples around it, :mod:`...models.launch`).
 
 An impact makes speeds and forces jump: between the instants at which the two have it, and within
-one and a half steps of either, they are not compared; the instants are.
+:attr:`AlignedRun.guard` of either, they are not compared; the instants are. An engine that resolves
+no impacts spreads one over some steps, with a force of its impulse over their time, which has no
+limit as the step falls: where it begins to push in an impact of the reference's, its forces are not
+compared within the guard either. Its speeds are, so that an impact at another time, of another
+impulse or of a longer duration is a difference of speeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -99,6 +103,15 @@ class AlignedRun:
         intervals = np.diff(np.minimum(self.trajectory.t, self.end))
         return intervals[intervals > self.longest_interval]
 
+    @property
+    def guard(self) -> float:
+        """Time before and after an impact in which what it makes jump is not compared [s].
+
+        It is that by which an impact's own time may be off by default, and some steps. So an
+        engine that spreads an impact over no more has the same tolerance as one that resolves it.
+        """
+        return PARTED * self.scales.time + EVENT_GUARD * self.step
+
     @cached_property
     def smooth(self) -> BoolArray:
         """Compared samples that are not at an impact of either, nor between two of a pair."""
@@ -109,9 +122,25 @@ class AlignedRun:
             for time, expected in self.impact_pairs(stop.name):
                 if time is not None and expected is not None:
                     windows.append((min(time, expected), max(time, expected)))
-        away, guard = np.ones(len(self.t), dtype=bool), EVENT_GUARD * self.step
+        away = np.ones(len(self.t), dtype=bool)
         for first, last in windows:
-            away &= (self.t < first - guard) | (self.t > last + guard)
+            away &= (self.t < first - self.guard) | (self.t > last + self.guard)
+        return away
+
+    @cached_property
+    def unpushed(self) -> BoolArray:
+        """Compared samples that are not where an engine without impacts pushes in one instead.
+
+        Each impact of the reference's accounts for one beginning of a stop's force: one that begins
+        again and again is compared.
+        """
+        away = np.ones(len(self.t), dtype=bool)
+        for stop in () if self.trajectory.impacts else self.trajectory.mechanism.stops:
+            force = self.trajectory.stop_torques.get(stop.name, np.zeros(len(self.keep)))
+            begins = self.trajectory.t[1:][(force[:-1] <= 0) & (force[1:] > 0)]
+            for time, expected in self._paired(stop.name, begins.tolist()):
+                if time is not None and expected is not None:
+                    away &= np.abs(self.t - time) > self.guard
         return away
 
     @cached_property
@@ -121,9 +150,12 @@ class AlignedRun:
 
     def impact_pairs(self, stop: str) -> list[Pair]:
         """Pairs of times of a stop's impacts in both motions (:func:`.impacts.paired`)."""
-        times, expected = impact_times(self.trajectory, stop), impact_times(self.solution, stop)
+        return self._paired(stop, impact_times(self.trajectory, stop))
+
+    def _paired(self, stop: str, times: Sequence[float]) -> list[Pair]:
+        """Pairs of these times [s] and of those of a stop's impacts in the reference."""
         end = min(float(self.trajectory.t[-1]), self.solution.problem.duration)
-        return paired(times, expected, self.step, end)
+        return paired(times, impact_times(self.solution, stop), self.step, end)
 
     def distance(self, values: FloatArray, reference: FloatArray) -> FloatArray:
         """Distance at the compared times; Euclidean over a trailing axis, if there is one."""
@@ -146,11 +178,13 @@ class AlignedRun:
         """
         chosen, where = self.smooth, "at an impact"
         if forces:
-            chosen, where = chosen & self.away, "at an impact or beside a singular position"
+            chosen = chosen & self.away & self.unpushed
+            where = "at an impact or beside a singular position"
         if not chosen.any():
             return not_observed(name, subject, unit, f"every sample is {where}")
         value = float(self.distance(values, reference)[chosen].max())
-        return Metric(name=name, subject=subject, value=value, unit=unit)
+        left_out = float(np.diff(self.t)[~(chosen[1:] & chosen[:-1])].sum()) or None
+        return Metric(name=name, subject=subject, value=value, unit=unit, left_out=left_out)
 
     def within(self, *times: float | None) -> bool:
         """Tell whether one of these times is within the compared motion."""
@@ -348,7 +382,7 @@ def _impacts(c: AlignedRun) -> Iterator[Metric]:
 
 def _torques(c: AlignedRun) -> Iterator[Metric]:
     # Samples further than one and a half steps from any release of either
-    settled = c.smooth & c.away
+    settled = c.smooth & c.away & c.unpushed
     for time in (*c.trajectory.release_times.values(), *c.reference.release_times.values()):
         if time is not None:
             settled &= np.abs(c.t - time) > EVENT_GUARD * c.step

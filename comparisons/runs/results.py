@@ -178,6 +178,9 @@ class Metric(OnSubject, Spec):
     value: Real | None
     unit: str
     sampling_error: Real | None = optional(None, "of the samples; added to the tolerance")
+    left_out: Real | None = optional(
+        None, "time at impacts or beside singular positions that is not compared [s]"
+    )
     observed: bool = Field(default=True, description="false: not told, or not determined")
     follows: str | None = Field(default=None, description="metric that is judged in its place")
     tolerance: Real | None = None

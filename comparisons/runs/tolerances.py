@@ -301,6 +301,8 @@ def _held_against(metric: Metric, applied: AppliedTolerance, most: float) -> Met
             return metric.model_copy(update={"note": note})
         value += unknown
         reason = f"{reason}; and {unknown:.2g} that the samples leave unknown"
+    if metric.left_out:
+        reason = f"{reason}; {metric.left_out:.2g} s of jumps or poles are not compared"
     update = {"tolerance": value, "source": applied.source, "reason": reason}
     return metric.model_copy(update=update)
 

@@ -590,6 +590,65 @@ def test_speeds_and_forces_are_not_compared_beside_an_impact() -> None:
     assert _jump(1.0, 0.975, 0.985)["velocity_max (hook)"] == pytest.approx(1.0)
 
 
+def test_beside_an_impact_is_what_its_time_may_be_off_by_and_one_and_a_half_steps() -> None:
+    t = np.linspace(0.99, 1.01, 201)
+    reference = replace(REFERENCE, impacts=_struck(1.0))
+    c = against(reference.trajectory(t), reference, END)  # type: ignore[arg-type]
+    assert c.guard == pytest.approx(1e-3 * c.scales.time + 1.5e-4)
+    assert np.array_equal(c.smooth, np.abs(t - 1.0) > c.guard)
+    assert 0.1 < c.scales.time < 1.0  # some of these samples are compared, and some are not
+
+
+def _pushed(*spells: tuple[float, float], expected: tuple[float, ...] = (1.0,)) -> set[str]:
+    """What changes where an engine that resolves no impacts pushes in these spells [s]."""
+    reference = replace(REFERENCE, impacts=_struck(*expected))
+    off = np.zeros(len(T))
+    for first, last in spells:
+        off[(first < T) & (last > T)] = 100.0
+    own = replace(
+        reference.trajectory(T), impacts=(), stop_torques={**OWN.stop_torques, "buffer": off}
+    )
+    bare = replace(own, stop_torques={**OWN.stop_torques, "buffer": np.zeros(len(T))})
+    before, after = _measured(bare, reference), _measured(own, reference)
+    return {label for label in after if after[label].value != before[label].value}
+
+
+def test_the_force_of_an_impact_that_is_spread_over_few_steps_is_not_compared() -> None:
+    compared = {"stop_torque_max (buffer)", "stop_torque_settled (buffer)"}
+    summed = {"stop_impulse (buffer)"}
+    assert _pushed((1.045, 1.065)) == summed  # later than the reference's
+    assert _pushed((1.045, 1.085)) == compared | summed  # longer than beside an impact
+    # Each impact of the reference's accounts for one beginning.
+    assert _pushed((1.045, 1.065), (1.205, 1.225)) == compared | summed
+    assert _pushed((1.045, 1.065), (1.205, 1.225), expected=(1.0, 1.2)) == summed
+    assert _pushed((1.045, 1.065), expected=()) == compared | summed
+
+
+def test_the_speeds_of_an_impact_that_is_spread_over_some_steps_are_compared() -> None:
+    reference = replace(REFERENCE, impacts=_struck(1.0))
+    late = ((T > 0.995) & (T < 1.045)).astype(float)  # the speed jumps 45 ms later
+    push = ((T > 1.045) & (T < 1.055)).astype(float)
+    own = replace(
+        reference.trajectory(T),
+        impacts=(),
+        u=OWN.u + _column(0, late),
+        stop_torques={**OWN.stop_torques, "buffer": push},
+    )
+    found = _measured(own, reference)
+    assert found["angular_speed_max (tilt)"].value == pytest.approx(1.0)
+    assert found["stop_torque_max (buffer)"].value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_is_not_compared_at_an_impact_is_said() -> None:
+    reference = replace(REFERENCE, impacts=_struck(1.0))
+    own = replace(reference.trajectory(T), impacts=_struck(1.0))
+    found = _measured(own, reference)
+    for label in SPEEDS_AND_FORCES - {"joint_reaction_relative (slot)"}:
+        assert found[label].left_out == pytest.approx(0.04)  # from 0.98 s to 1.02 s
+    assert found["angle_max (tilt)"].left_out is None
+    assert _measured(OWN)["angular_speed_max (tilt)"].left_out is None
+
+
 def test_an_impact_of_one_of_the_two_only_has_a_window_of_its_own() -> None:
     off = (np.abs(T - 0.8) < 0.0149).astype(float)
     own = _own(impacts=_struck(0.6, 0.8), u=OWN.u + _column(0, off))
