@@ -273,8 +273,11 @@ def _from_runs(study: Study, mechanism: Mechanism, worker: Worker, magnify: floa
     failures: dict[str, TrebucheckError] = {}
     for label, made in engines.items():
         try:
-            time = runner.scales.time if made.timestep else 1.0
-            runs[label] = runner.simulate(study.engine_for(mechanism.name, time, made))
+            # Without a step there is nothing to scale, and the reference need not be solved.
+            stepped = made.timestep is not None
+            runs[label] = runner.simulate(
+                study.engine_for(mechanism.name, runner.scales, made) if stepped else made
+            )
         except TrebucheckError as error:
             failures[label] = error
     if failures and not runs:

@@ -415,8 +415,7 @@ def compare_study(
                 record = new_record(case.engine, case.preset, engine, by_name[case.model])
                 record = record.failed(machine)
                 return FinishedRun(record, run_row(record, engine, by_name[case.model]))
-            time = machine.machine.scales.time
-            return machine.run(case, study.engine_for(case.model, time, engine))
+            return machine.run(case, study.engine_for(case.model, machine.machine.scales, engine))
 
         with closing(in_order(run, cases, study.at_once)) as results:
             for done, case in enumerate(cases):

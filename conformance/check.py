@@ -83,7 +83,7 @@ def check(
         runs = MachineRuns(study, study.mechanisms[0], worker)
         made = study.engine(target.engine, target.preset)
         name = runs.runner.mechanism.name
-        runner = study.engine_for(name, runs.machine.scales.time, made)
+        runner = study.engine_for(name, runs.machine.scales, made)
         run = runs.run(RunKey(name, target.engine, target.preset), runner).run
     faults = _faults(run, frozenset(study.needs.by_quantity))
     if faults:

@@ -456,7 +456,7 @@ class Suite:
         runs.runner.worker = self._worker
         try:
             made = study.engine(target.engine, target.preset)
-            runner = study.engine_for(problem, runs.machine.scales.time, made)
+            runner = study.engine_for(problem, runs.machine.scales, made)
         except (TrebucheckError, TypeError, ValueError) as error:
             return self._failed(problem, f"the engine cannot be made: {error}")
         run = runs.run(RunKey(problem, target.engine, target.preset), runner).run

@@ -299,6 +299,8 @@ class EngineStudy:
     """Texts to paste by title, from engine, mechanism and a duration [s] that has most launches."""
     single_precision: Callable[[Options], bool] = lambda _: False
     """Whether its state, or what moves it, is rounded to single precision with these options."""
+    additions: Callable[[Options], int] = lambda _: 1
+    """How often a time step adds to the state with these options: once, or in each substep."""
     title: str = ""  # as its authors write it; '': its name
     binding: str = ""
     """Distribution by which it is run, and what that is built from, without its version."""

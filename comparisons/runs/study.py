@@ -22,6 +22,7 @@ from ...engines.registry import (
     Names,
     engine_class,
     engine_names,
+    engine_study,
     engines_of,
     options_for,
     presets_of,
@@ -38,8 +39,10 @@ from ...reference.solver import characteristic_time, solve, solve_to_launch, sol
 from .metrics import THROWN
 from .process import Worker
 from .results import REFERENCE
+from .scales import Scales
 from .store import Store
-from .tolerances import Needs
+from .tolerances import DEFAULT as TOLERATED
+from .tolerances import Needs, machine_epsilon
 
 _TAIL = 0.4  # of the compared time: the reference goes on, for events of engines that are late
 _SPANS = (2.0, 5.5, 16.0)  # characteristic times within which a release is looked for
@@ -369,15 +372,16 @@ class Study:
         """An engine with the study's options; InputError: the preset or an option is not valid."""
         return registry.engine(name, preset, **options_for(name, self.options))
 
-    def engine_for(self, model: str, time: float, made: Engine) -> Engine:
+    def engine_for(self, model: str, scales: Scales, made: Engine) -> Engine:
         """Engine for a mechanism; for a problem of the library a preset's step is scaled.
 
         It is meant for a characteristic time of 1 s. The library's problems last from hundredths
-        of a second to minutes: one step for all would say little of any. The step of `default` is
-        the engine's own, and is the same for every mechanism, as it is for who sets nothing.
+        of a second to minutes: one step for all would say little of any. No step is shorter than
+        :func:`least_step`. The step of `default` is the engine's own, and is the same for every
+        mechanism, as it is for who sets nothing.
 
         Args:
-            time: characteristic time of the mechanism's motion [s].
+            scales: of the mechanism's motion.
             made: as :meth:`engine` makes it.
         """
         in_library = isinstance(self._models.get(model), Problem) and find_benchmark(model)
@@ -386,8 +390,10 @@ class Study:
             return made
         if made.preset == DEFAULT:
             return made
-        step = float(f"{made.timestep * time:.2g}")
-        return registry.engine(made.name, made.preset, **{**options, "timestep": step})
+        step = max(made.timestep * scales.time, least_step(made, scales))
+        return registry.engine(
+            made.name, made.preset, **{**options, "timestep": float(f"{step:.2g}")}
+        )
 
     @property
     def at_once(self) -> int:
@@ -408,6 +414,23 @@ class Study:
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
         return Worker(self.timeout, self.isolate, self.at_once)
+
+
+def least_step(made: Engine, scales: Scales) -> float:
+    """Shortest step [s] of a motion that the numbers of an engine carry.
+
+    What a step adds to a position is at most speed * step; adding it to a position as large as the
+    way makes a rounding error of eps / 2 * way. A steady motion is rounded to the same side in step
+    after step. A part of the way that is tolerated by default is
+
+        eps / 2 * way / (speed * step / additions) <= 1e-3
+
+    with the additions that the engine makes in a step. In double precision that says nothing.
+    """
+    tables = engine_study(made.name)
+    eps = machine_epsilon(made.name, made.settings)
+    additions = tables.additions(made.settings)
+    return additions * 0.5 * eps / TOLERATED * scales.way / scales.speed
 
 
 def idle_cores() -> int:

@@ -31,6 +31,7 @@ from functools import cache
 from typing import Literal, Self
 
 import numpy as np
+from pydantic import JsonValue
 
 from ...engines.registry import engine_class, engine_study
 from ...engines.study import Tolerance
@@ -346,6 +347,12 @@ def _format_of(run: Run) -> str:
     return "single-precision" if is_single else "double-precision"
 
 
+def machine_epsilon(engine: str, settings: Mapping[str, JsonValue]) -> float:
+    """Distance of 1 from the next number of an engine's state with these options."""
+    is_single = engine_study(engine).single_precision(settings)
+    return float(np.finfo(np.float32 if is_single else np.float64).eps)
+
+
 def rounding_floor(metric: Metric, run: Run, machine: Machine) -> float:
     """Least error that the numbers of an engine can carry, in the metric's unit.
 
@@ -357,8 +364,7 @@ def rounding_floor(metric: Metric, run: Run, machine: Machine) -> float:
         return 0.0
     scales = machine.scales_for(invariant=quantity.invariant)
     size = quantity.size_of(scales, metric.subject, machine.mechanism)
-    is_single = engine_study(run.engine).single_precision(run.settings)
-    eps = float(np.finfo(np.float32 if is_single else np.float64).eps)
+    eps = machine_epsilon(run.engine, run.settings)
     return eps * size * math.sqrt(max(run.steps, 1)) * max(machine.stretching, 1.0)
 
 

@@ -2,14 +2,17 @@
 
 The model is the MJCF of MuJoCo by itself (:mod:`trebucheck.engines.mujoco.alone`): stops on angles
 are limits, stops on points contacts, loops equalities and contacts, springs tendons. MJX moves it
-without sensors; those that it has are read afterwards, state by state.
+without sensors; those that it has are read afterwards, in all states of a chunk at once.
+
+What JAX compiles takes some ten seconds a model, however short the run. So it is compiled for
+:data:`CHUNK` steps, not for as many as a run has, and is kept for the next run of the same model.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -30,7 +33,10 @@ from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import PointMotion
 from trebucheck_toolkit.constrained import subtree_sums
 
-from .build import jax, mjx, on_device, without_sensors
+from .build import KEPT, Given, jax, mjx, on_device, without_sensors
+
+CHUNK = 100
+"""Steps, and readings, of one call of what is compiled."""
 
 
 @dataclass(frozen=True)
@@ -59,25 +65,27 @@ def run_alone(problem: Problem, options: MujocoOptions, *, double: bool) -> Reco
     """
     mechanism, steps = problem.mechanism, whole_steps(problem.duration, options.timestep)
     jax.config.update("jax_enable_x64", double)
-    model = compiled(mechanism, model_text(mechanism, options, sensors=False))
-    positions, speeds = _moved(model, mechanism, steps, double=double)
-    return _recording(problem, options, model, positions, speeds)
+    bare, sensing = (
+        Given(model_text(mechanism, options, sensors=sensors), double, mechanism)
+        for sensors in (False, True)
+    )
+    return _recording(problem, options, sensing, _moved(bare, steps))
 
 
 @timed_reading()
 def _recording(
-    problem: Problem, options: MujocoOptions, model: Any, positions: FloatArray, speeds: FloatArray
+    problem: Problem, options: MujocoOptions, given: Given, states: tuple[FloatArray, ...]
 ) -> Recording:
-    """Read the states after each step, positions and speeds of MuJoCo's joints."""
-    mechanism, steps = problem.mechanism, len(positions) - 1
-    sums = absolute_from_relative(mechanism, model)
+    """Read the states after each step, as :func:`_moved` gives them, in a model with sensors."""
+    mechanism, (positions, speeds, _) = problem.mechanism, states
+    steps = len(positions) - 1
+    looks, model = _looks(given), compiled(mechanism, given.text)
+    sums, sensing = absolute_from_relative(mechanism, model), looks.model
     q, u = np.array(mechanism.start) + positions @ sums.T, speeds @ sums.T
     times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
 
-    text = model_text(mechanism, options)
-    sensing = without_sensors(text)
-    seen = _seen(sensing, mechanism, positions, speeds)
-    torques = _torques(mechanism, compiled(mechanism, text), seen, positions)
+    seen = _seen(looks, states)
+    torques = _torques(mechanism, model, seen, positions)
     names, applied = mjcf_names(mechanism), AppliedForces(Kinematics(mechanism))
 
     def sensor(name: str) -> FloatArray:
@@ -115,51 +123,99 @@ def script(problem: Problem, options: MujocoOptions, *, double: bool) -> str:
         mjcf=text,
         double=double,
         steps=whole_steps(problem.duration, options.timestep),
+        chunk=CHUNK,
         start=mechanism.start,
         sums=sums.tolist(),
     )
 
 
-def _moved(
-    model: Any, mechanism: Mechanism, steps: int, *, double: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Positions and speeds of MuJoCo's joints at the start and after each step."""
-    mjx_model, data = on_device(model, mechanism)
-    start = model.key_qpos[0].copy(), model.key_qvel[0].copy()
-    if double:
-        # A step gives some indices back in 64 bits, and a scan takes no change of types.
-        after = jax.eval_shape(lambda data: mjx.step(mjx_model, data), data)
-        data = jax.tree.map(lambda value, like: jax.numpy.asarray(value, like.dtype), data, after)
+class _Steps:
+    """MJX's steps of a model from its start, compiled.
 
-    def step(data: Any, _: None) -> tuple[Any, tuple[Any, Any]]:
-        data = mjx.step(mjx_model, data)
-        return data, (data.qpos, data.qvel)
+    Raises:
+        SimulationError: MuJoCo refused the model.
+        UnsupportedProblemError: MJX has not what the model needs.
+    """
 
-    _, states = jax.jit(lambda data: jax.lax.scan(step, data, length=steps))(data)
-    positions, speeds = (
-        np.concatenate([first[None], np.asarray(rest, dtype=np.float64)])
-        for first, rest in zip(start, states, strict=True)
+    def __init__(self, given: Given) -> None:
+        model = compiled(given.mechanism, given.text)
+        mjx_model, data = on_device(model, given.mechanism)
+        of_start = model.key_qpos[0], model.key_qvel[0], data.qacc_warmstart
+        self.first = tuple(np.array(each, dtype=np.float64) for each in of_start)
+        """States at the start, as :func:`_moved` gives them."""
+        if given.double:
+            # A step gives some indices back in 64 bits, and a scan takes no change of types.
+            after = jax.eval_shape(lambda data: mjx.step(mjx_model, data), data)
+            data = jax.tree.map(lambda a, like: jax.numpy.asarray(a, like.dtype), data, after)
+        self.data = data
+
+        def step(data: Any, _: None) -> tuple[Any, tuple[Any, Any, Any]]:
+            data = mjx.step(mjx_model, data)
+            return data, (data.qpos, data.qvel, data.qacc_warmstart)
+
+        self.advance: Any = jax.jit(lambda data: jax.lax.scan(step, data, length=CHUNK))
+        """Data and states after :data:`CHUNK` more steps."""
+
+
+class _Looks:
+    """MJX's readings of a model, compiled.
+
+    Raises:
+        UnsupportedProblemError: MJX has not what the model needs.
+    """
+
+    def __init__(self, given: Given) -> None:
+        self.model = without_sensors(given.text)
+        mjx_model, data = on_device(self.model, given.mechanism)
+        self.number = data.qpos.dtype
+
+        def look(position: Any, speed: Any, warm: Any) -> tuple[Any, ...]:
+            placed = data.replace(qpos=position, qvel=speed, qacc_warmstart=warm)
+            seen = mjx.forward(mjx_model, placed)
+            # `forward` leaves internal forces, and with them force sensors, at zero.
+            internal = mjx.rne_postconstraint(mjx_model, seen)._impl.cfrc_int[:, 3:]
+            of_rows = seen._impl.efc_force, seen._impl.contact.geom
+            mass = mjx.full_m(mjx_model, seen)
+            return mass, *of_rows, seen.sensordata, seen.xipos, internal
+
+        self.look: Any = jax.jit(jax.vmap(look))
+        """Readings of :data:`CHUNK` states."""
+
+
+_steps, _looks = lru_cache(KEPT)(_Steps), lru_cache(KEPT)(_Looks)
+
+
+def _moved(given: Given, steps: int) -> tuple[FloatArray, ...]:
+    """Positions and speeds of MuJoCo's joints at the start and after each step.
+
+    With them the accelerations that the solver of the step that begins there starts from.
+    """
+    made, chunks = _steps(given), list[tuple[Any, ...]]()
+    data = made.data
+    for _ in range(0, steps, CHUNK):
+        data, chunk = made.advance(data)
+        chunks.append(chunk)
+    return tuple(
+        np.concatenate([first[None], *(np.asarray(each, np.float64) for each in found)])[
+            : steps + 1
+        ]
+        for first, *found in zip(made.first, *chunks, strict=True)
     )
-    return positions, speeds
 
 
-def _seen(model: Any, mechanism: Mechanism, positions: FloatArray, speeds: FloatArray) -> Seen:
-    """Readings in the states of a run; the solver starts each from the one before."""
-    mjx_model, data = on_device(model, mechanism)
-
-    def look(warm: Any, state: tuple[Any, Any]) -> tuple[Any, tuple[Any, ...]]:
-        placed = data.replace(qpos=state[0], qvel=state[1], qacc_warmstart=warm)
-        seen = mjx.forward(mjx_model, placed)
-        # `forward` leaves internal forces, and with them force sensors, at zero.
-        internal = mjx.rne_postconstraint(mjx_model, seen)._impl.cfrc_int[:, 3:]
-        of_rows = seen._impl.efc_force, seen._impl.contact.geom
-        mass = mjx.full_m(mjx_model, seen)
-        return seen.qacc, (mass, *of_rows, seen.sensordata, seen.xipos, internal)
-
-    as_number = partial(jax.numpy.asarray, dtype=data.qpos.dtype)
-    states = as_number(positions), as_number(speeds)
-    _, found = jax.jit(partial(jax.lax.scan, look))(data.qacc_warmstart, states)
-    return Seen(*(np.asarray(each, dtype=np.float64) for each in found))
+def _seen(looks: _Looks, states: tuple[FloatArray, ...]) -> Seen:
+    """Readings in the states of a run, each as the step that begins there computes it."""
+    n = len(states[0])
+    found: list[tuple[Any, ...]] = []
+    for start in range(0, n, CHUNK):
+        rows = np.minimum(np.arange(start, start + CHUNK), n - 1)
+        found.append(looks.look(*(each[rows].astype(looks.number) for each in states)))
+    return Seen(
+        *(
+            np.concatenate([np.asarray(each, dtype=np.float64) for each in of_chunks])[:n]
+            for of_chunks in zip(*found, strict=True)
+        )
+    )
 
 
 def _torques(

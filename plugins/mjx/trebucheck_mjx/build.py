@@ -7,8 +7,9 @@ import logging
 import os
 from collections.abc import Generator
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # double precision is not to be had elsewhere
@@ -54,6 +55,35 @@ _NOT_IN_MJX = (
 )
 
 
+KEPT = 2
+"""Models of which what is compiled is kept: a run's, and one of its readings or of another run."""
+
+
+def _keep_compiled() -> None:
+    """Have JAX keep what it compiles in the user's cache, unless it keeps it elsewhere.
+
+    Compiling is most of a run's time; what is taken from there is the same program.
+    """
+    if jax.config.jax_compilation_cache_dir is None:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        jax.config.update("jax_compilation_cache_dir", str(caches / "trebucheck" / "jax"))
+
+
+_keep_compiled()
+
+
+@dataclass(frozen=True)
+class Given:
+    """A model that JAX compiles functions of; equal to another one of the same text."""
+
+    text: str
+    """MJCF."""
+    double: bool
+    """Whether in double precision."""
+    mechanism: Mechanism = field(compare=False)
+    """What it is a model of, for messages."""
+
+
 @dataclass(frozen=True)
 class Seen:
     """Readings of the model in a state."""
@@ -80,17 +110,12 @@ class Built:
         """
         jax.config.update("jax_enable_x64", double)
         self.mechanism, self.timestep = mechanism, timestep
-        self.model = without_sensors(mjcf(mechanism, timestep))
-        self.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        found = _functions(Given(mjcf(mechanism, timestep), double, mechanism))
+        self.model, self.data = found.model, found.data
         self.sums = absolute_from_relative(mechanism, self.model)
         """C with q = start + C qpos and u = C qvel, shape (n_q, n_v)."""
         self.differences = np.linalg.inv(self.sums)
-        self.on_device, self.data = on_device(self.model, mechanism)
-        # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer
-        # than a step.
-        self._dynamics = jax.jit(partial(_dynamics, self.on_device, self.data))
-        self._forward = jax.jit(partial(_forward, self.on_device, self.data))
-        self._step = jax.jit(partial(_step, self.on_device, self.data))
+        self._dynamics, self._forward, self._step = found.dynamics, found.forward, found.step
         self._warm: Any = self.data.qacc_warmstart
 
     def joint_state(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -121,6 +146,29 @@ class Built:
         j, v = self.joint_state(q, u)
         positions, speeds, self._warm = self._step(j, v, np.zeros_like(v), self._warm, step)
         return self.coordinates_of(positions, speeds)
+
+
+@dataclass(frozen=True)
+class _Functions:
+    """MJX's functions of a model, compiled when they are called first."""
+
+    model: Any
+    data: Any
+    dynamics: Any
+    forward: Any
+    step: Any
+
+
+@lru_cache(KEPT)
+def _functions(given: Given) -> _Functions:
+    """Functions of a model, or those that were kept."""
+    model = without_sensors(given.text)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    both = on_device(model, given.mechanism)
+    # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer than
+    # a step.
+    compiled = (jax.jit(partial(each, *both)) for each in (_dynamics, _forward, _step))
+    return _Functions(model, both[1], *compiled)
 
 
 def without_sensors(text: str) -> Any:

@@ -74,6 +74,7 @@ STUDY = EngineStudy(
     ),
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
     single_precision=lambda _: True,
+    additions=lambda settings: settings["substeps"],
     title="Rapier",
     binding="the npm package `@dimforge/rapier2d-compat`, moved by Node.js, in single precision",
     maintainers_note=MaintainersNote(
