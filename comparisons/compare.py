@@ -240,8 +240,7 @@ class MachineRuns:
         if SETTINGS not in presets_of(engine.name):
             return None
         made = self._study.engine(engine.name, SETTINGS)
-        time = self.machine.scales.time
-        return self._study.engine_for(self.machine.model, time, made).timestep
+        return self._study.engine_for(self.machine.model, self.machine.scales, made).timestep
 
     def _errors(self, trajectory: Trajectory) -> RunErrors:
         reference = self.runner.reference(trajectory.t)
