@@ -178,15 +178,32 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
     return made
 
 
+def _first(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
+
+
+def _has_slot_in_loops(mechanism: Mechanism) -> bool:
+    """Tell whether a mechanism with loops has joints along a line, and no body two of them."""
+    lines = [joint for joint in mechanism.joints if len(joint.free_directions) == 1]
+    ends = [end for joint in lines for end in (joint.parent, joint.child) if end != GROUND]
+    return bool(mechanism.loop_joints and lines) and len(ends) == len(set(ends))
+
+
 class _Builder:
     """Adds joints, stops and force elements to a space that has its bodies."""
 
     def __init__(self, made: DocumentedSpace, options: PymunkOptions) -> None:
         self.made, self.assembly, self.options = made, made.assembly, options
         self.space = made.assembly.space
+        self.error_bias = options.error_bias
+        self.groove_error_bias = _first(options.groove_error_bias, options.error_bias)
+        if _has_slot_in_loops(made.assembly.rigid):
+            self.error_bias = _first(options.slot_pin_error_bias, self.error_bias)
+            self.groove_error_bias = _first(options.slot_error_bias, self.groove_error_bias)
+        self.limit_error_bias = _first(options.limit_error_bias, options.error_bias)
 
     def add(self, joint: constraints.Constraint, error_bias: float | None = None) -> None:
-        joint.error_bias = self.options.error_bias if error_bias is None else error_bias
+        joint.error_bias = _first(error_bias, self.error_bias)
         self.space.add(joint)
 
     def bodies(self, element: Any) -> tuple[pymunk.Body, pymunk.Body]:
@@ -213,7 +230,7 @@ class _Builder:
         _, end = self.assembly.end(joint.parent, origin + along)
         b, anchor = self.assembly.end(joint.child, complex(*joint.child_point))
         groove = constraints.GrooveJoint(a, b, start, end, anchor)
-        self.add(groove, self.options.groove_error_bias)
+        self.add(groove, self.groove_error_bias)
         self.hold_angle(joint)
 
     def hold_angle(self, joint: elements.AnyJoint) -> None:
@@ -231,7 +248,7 @@ class _Builder:
         # Counter-clockwise angles: the gap of sense 1 is -(b - a) - limit.
         least, most = (stop.limit, math.inf) if stop.sense < 0 else (-math.inf, -stop.limit)
         limit = constraints.RotaryLimitJoint(a, b, least, most)
-        self.add(limit, self.options.limit_error_bias)
+        self.add(limit, self.limit_error_bias)
         self.made.limits[stop.name] = limit
 
     def add_wall(self, stop: elements.PointStop) -> None:

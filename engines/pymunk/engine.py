@@ -95,8 +95,12 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     settings_options: ClassVar[Mapping[str, object] | None] = {
         **ALONE,
         "start_iterations": 200,
-        # All of a groove's error, undone at once, makes two grooves on one body unstable.
+        # All of a groove's error, undone at once, makes two grooves on one body unstable. Where it
+        # is one in a loop, pins are that may not have all of theirs undone: at a singular position
+        # of the loop they would throw it with any energy, whatever the step.
         "groove_error_bias": HALF_IN_A_MILLISECOND,
+        "slot_error_bias": 0.0,
+        "slot_pin_error_bias": HALF_IN_A_MILLISECOND,
         # A limit whose error is undone at once has no force in every second step.
         "limit_error_bias": ERROR_BIAS,
     }

@@ -30,6 +30,8 @@ ONLY_WITH: Mapping[Joints, Mapping[str, JsonValue]] = {
     },
     "documented": {
         "groove_error_bias": None,
+        "slot_error_bias": None,
+        "slot_pin_error_bias": None,
         "limit_error_bias": None,
         "collision_slop": None,
         "collision_bias": None,
@@ -86,6 +88,15 @@ class PymunkOptions(ScaledOptions):
     groove_error_bias: _Share | None = Field(
         default=None,
         description="the same of joints along a line; None: as of other joints",
+    )
+    slot_error_bias: _Share | None = Field(
+        default=None,
+        description="the same of joints along a line in a mechanism with loops, none of whose "
+        "bodies has two of them; None: as of joints along a line",
+    )
+    slot_pin_error_bias: _Share | None = Field(
+        default=None,
+        description="the same of the other joints of such a mechanism; None: as of other joints",
     )
     limit_error_bias: _Share | None = Field(
         default=None,

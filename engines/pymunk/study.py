@@ -170,9 +170,11 @@ STUDY = study.EngineStudy(
     binding="the Python wheel `pymunk`, with its own build of Chipmunk",
     maintainers_note=MaintainersNote(
         chosen="Iterations and the correction of errors: all of a pin's in a step, half of a "
-        "groove's (all of it makes two grooves on one body unstable), pymunk's own share of a "
-        "limit's (all of it leaves every second step without force); by itself the order is "
-        "{{ plain.order }}, with assistance, which reads it as a leapfrog, {{ best.order }}.",
+        "groove's (all of it makes two grooves on one body unstable; with one in loops it is all "
+        "of the groove's and half of the pins', as all of both throw it at singular positions), "
+        "pymunk's own share of a limit's (all of it leaves every second step without force); by "
+        "itself the order is {{ plain.order }}, with assistance, which reads it as a leapfrog, "
+        "{{ best.order }}.",
         not_possible="A RotaryLimitJoint has no restitution, and no force in a step that begins "
         "without an error, as every start does; a GrooveJoint computes the impulse that would hold "
         "its point in both directions and takes the component across its line, so that a point "

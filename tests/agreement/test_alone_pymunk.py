@@ -279,3 +279,17 @@ def test_the_end_of_a_groove_is_no_stop() -> None:
     assert incline is not None
     with pytest.raises(tb.SimulationError, match="rail"):
         _engine(DEFAULT).simulate(incline.model_copy(update={"duration": 30.0}))
+
+
+def test_a_loop_with_a_slot_passes_its_singular_positions_with_an_error_of_first_order() -> None:
+    """In its energy; with all of the pins' error undone in a step it is off by kilojoules."""
+    problem = library_problem("singular-slider-crank", None)
+    assert problem is not None
+
+    def error(step: float, **options: Any) -> float:
+        run = tb.engine("pymunk", SETTINGS, timestep=step, **options).simulate(problem)
+        return float(np.abs(run.total_energy - run.total_energy[0]).max())
+
+    coarse, fine = error(3.6e-4), error(1.8e-4)
+    assert fine == pytest.approx(coarse / 2, rel=0.3)
+    assert error(3.6e-4, slot_pin_error_bias=0.0) > 100 * coarse

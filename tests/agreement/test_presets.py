@@ -40,7 +40,8 @@ CASES: Mapping[str, Case] = {
     ),
     "pymunk": Case(
         frozenset({"timestep", "iterations", "start_iterations", "error_bias"})
-        | {"groove_error_bias", "limit_error_bias", "collision_slop", "collision_bias"},
+        | {"groove_error_bias", "slot_error_bias", "slot_pin_error_bias", "limit_error_bias"}
+        | {"collision_slop", "collision_bias"},
         ("fixed", "slider-crank", "damped-oscillator"),
     ),
 }
@@ -124,8 +125,12 @@ def test_without_all_of_it_the_engine_is_alone(name: str, problem: str) -> None:
     assert np.array_equal(found["q"], bare.simulate(given).q)
 
 
-@pytest.mark.parametrize(("name", "problem"), EVERY)
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [*EVERY, ("pymunk", "singular-slider-crank"), ("pymunk", "bouncing"), ("exudyn", "bouncing")],
+)
 def test_settings_are_no_worse_than_the_default(name: str, problem: str) -> None:
+    """In coordinates; test_settings_in_matrix.py compares every quantity of all kept results."""
     given = _problem(problem, 1.0)
     solution = tb.solve(given)
 
