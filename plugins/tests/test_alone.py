@@ -54,7 +54,10 @@ CASES: Mapping[str, Case] = {
     "opensim": Case(
         frozenset({"timestep", "integrator", "accuracy", "samples"})
         | {"limit_stiffness", "limit_damping", "limit_transition"},
-        ("fixed", "rolling", "slider-crank", "squeezer", "spring-pendulum", "damped-oscillator"),
+        (
+            *("fixed", "rolling", "slider-crank", "singular-slider-crank"),
+            *("squeezer", "spring-pendulum", "damped-oscillator"),
+        ),
     ),
     # Springs on joints, which its default leaves out, are in its own tests.
     "newton": Case(

@@ -62,7 +62,14 @@ class Box2DEngine(Box2DOptions, BuiltinEngine):
         "position_iterations": 2,
         "allow_sleep": True,
     }
-    settings_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, "timestep": 2.5e-4}
+    settings_options: ClassVar[Mapping[str, object] | None] = {
+        **_ALONE,
+        "timestep": 2.5e-4,
+        # The correction of positions moves limits off their stops and on again, and more iterations
+        # pile up forces that redundant loops leave undetermined.
+        "velocity_iterations": 30,
+        "position_iterations": 0,
+    }
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.MODEL,

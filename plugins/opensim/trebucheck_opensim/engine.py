@@ -72,6 +72,9 @@ class OpenSimEngine(BuiltinEngine):
     }
     settings_options: ClassVar[Mapping[str, object] | None] = {
         "limits": "springs",
+        # The step bounds the error. A finer accuracy takes the steps down to where they halt, in
+        # singular positions of loops, which these pass over.
+        "accuracy": 1e-5,
         "limit_stiffness": 1e7,
         "limit_damping": 1e5,
         "limit_transition": 1e-3,

@@ -97,7 +97,8 @@ STUDY = EngineStudy(
         "{{ alone.error('free-swing', 'position') }} with its options.",
         not_possible="A limit force begins without its load, chatters and has no restitution; our "
         "adapter builds no contacts, and no loops that hold an angle, though OpenSim has both. "
-        "Small steps halt at a singular position of a loop, which long ones pass over.",
+        "Where a fine accuracy asks for them, small steps halt at a singular position of a loop, "
+        "which longer ones pass over.",
         would_change="A limit that starts with its load, and an adapter that builds contacts and "
         "welds in loops.",
     ),
