@@ -96,8 +96,8 @@ STUDY = EngineStudy(
         not_possible="Limits have no restitution; springs are soft joints, which have a frequency "
         "and no stiffness, so that the adapter gives springs as forces before each step; a stop "
         "on a point would be a shape with a contact, which our adapter does not build.",
-        would_change="A build in double precision ({{ best.order }}), or the present Box2D, "
-        "whose solver is another one than that of {{ version }}.",
+        would_change="A build in double precision, or the present Box2D, whose solver is another "
+        "one than that of {{ version }}.",
     ),
     colour="#ff8c00",
 )

@@ -87,7 +87,7 @@ STUDY = EngineStudy(
         "not judged, and releases are looked back for from how gaps open; our adapter builds no "
         "stops on points and no restitution, and gives springs as forces, not as Rapier's joints.",
         would_change="A build in double precision, a joint for slots, and forces of joints in the "
-        "interface: at short steps rounding is what is left ({{ best.order }}).",
+        "interface: at short steps rounding is what is left.",
     ),
     colour="#b8860b",
 )
