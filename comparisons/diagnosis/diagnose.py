@@ -221,8 +221,9 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, ...], int]:
     """Suspects in the order of their cost; the next kind only if the last explains too little.
 
-    Mistakes of reading cost next to nothing. An engine is run again only if nothing else explains
-    its deviation.
+    Mistakes of reading cost next to nothing. An engine is run again unless its motion is right and
+    a mistake of reading explains the rest: what its step and options do to a motion may have the
+    shape of a suspect, as an oscillation in longer steps has that of another rate of time.
     """
     readings = [*_outright_causes(case), *_reading_causes(case)]
     shares = {cause.name: cause.explained for cause in readings}
@@ -238,7 +239,8 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
     elif _motion_agrees(case):
         # A load that moves nothing is as good an explanation as a mistake of reading its force.
         causes += faults_at_the_same_motion(case)
-    if shares.get(NO_MOTION, 0.0) >= SUFFICIENT:
+    is_still = shares.get(NO_MOTION, 0.0) >= SUFFICIENT
+    if is_still:
         # So is the lack of what would move it.
         causes += [_sizeless(case, fault) for fault in missing_faults(case.mechanism)]
         causes += _gross_causes(case)
@@ -248,7 +250,7 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
         if not (named and listed[0].explained >= SAME):
             causes += _gross_causes(case)
     causes = measured(causes)
-    if rerun is not None and not ranked(causes)[1]:
+    if rerun is not None and not (ranked(causes)[1] and (is_still or _motion_agrees(case))):
         causes += rerun.causes(case)
     if not ranked(causes)[1] and _motion_agrees(case) and not _forces_deviate(case):
         # Quantities that are read wrongly in a way that no suspect has.

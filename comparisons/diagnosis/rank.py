@@ -8,7 +8,8 @@ Suspects that all leave less than a hundredth have the same effect on this motio
 cannot tell them apart, and all of them are named.
 
 What an engine was run without is no matter of shapes: so much of the deviation was gone. It is
-named from a half on, with its share, where nothing explains enough.
+named before all suspects if it explains enough, and from a half on, with its share, where nothing
+explains enough.
 """
 
 from __future__ import annotations
@@ -87,13 +88,15 @@ def ranked(causes: Iterable[RankedCause | Estimate]) -> tuple[tuple[RankedCause,
 def ranked_with_parts(
     causes: Iterable[RankedCause | Estimate],
 ) -> tuple[tuple[RankedCause, ...], int]:
-    """The same; where none is named, what runs without it have shown to be most of the deviation.
+    """The same; but what runs have shown to be the cause, or most of it, goes before suspects.
 
-    Of several, those are named that leave less than twice what the best one leaves.
+    It is enough of the deviation; or a half at least, where none is named. Of several, those are
+    named that leave less than twice what the best one leaves.
     """
     listed, named = ranked(causes)
-    shown = [each for each in listed if each.confirmed and each.explained >= MOST_OF_IT]
-    if named or not shown:
+    least = SUFFICIENT if named else MOST_OF_IT
+    shown = [each for each in listed if each.confirmed and each.explained >= least]
+    if not shown:
         return listed, named
     left = [1 - min(each.explained, EXACT) for each in shown]
     parts = shown[: min(_MOST, sum(other < _CLEARLY * left[0] for other in left))]

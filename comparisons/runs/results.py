@@ -253,7 +253,9 @@ class RankedCause(Spec):
     )
     amount: str = Field(default="", description="how large it would have to be, in words")
     explained: Real = Field(description="share of the deviation, 1: all of it")
-    confirmed: bool = optional(False, "by runs of the engine without it: so much vanished")
+    confirmed: bool = optional(
+        False, "by runs of the engine without it; of a step, by what runs at shorter ones tell"
+    )
 
 
 class Diagnosis(Spec):

@@ -15,7 +15,7 @@ from threading import Lock
 from typing import Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
-from ...engines.presets import DEFAULT, PRESETS
+from ...engines.presets import DEFAULT, PRESETS, SETTINGS
 from ...engines.protocol import Engine
 from ...engines.registry import (
     Engines,
@@ -378,7 +378,7 @@ class Study:
         It is meant for a characteristic time of 1 s. The library's problems last from hundredths
         of a second to minutes: one step for all would say little of any. No step is shorter than
         :func:`least_step`. The step of `default` is the engine's own, and is the same for every
-        mechanism, as it is for who sets nothing.
+        mechanism, as it is for who sets nothing; that of `settings` is no longer than it.
 
         Args:
             scales: of the mechanism's motion.
@@ -391,6 +391,8 @@ class Study:
         if made.preset == DEFAULT:
             return made
         step = max(made.timestep * scales.time, least_step(made, scales))
+        if made.preset == SETTINGS and DEFAULT in presets_of(made.name):
+            step = min(step, registry.engine(made.name, DEFAULT).timestep or step)
         return registry.engine(
             made.name, made.preset, **{**options, "timestep": float(f"{step:.2g}")}
         )

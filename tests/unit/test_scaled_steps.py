@@ -8,7 +8,7 @@ import trebucheck.comparisons.runs.study as module
 from trebucheck.comparisons.runs import tolerances
 from trebucheck.comparisons.runs.scales import Scales, scales_until
 from trebucheck.comparisons.runs.study import Study
-from trebucheck.engines.presets import DEFAULT, SETTINGS
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.registry import engine_study
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
@@ -43,6 +43,14 @@ def test_a_step_is_a_part_of_the_characteristic_time_and_the_defaults_is_its_own
     assert step == pytest.approx(of_preset * scales.time, rel=0.05)  # two digits
     step, of_preset = _step("thrown-plate", scales, DEFAULT)
     assert step == of_preset
+
+
+def test_steps_of_settings_are_no_longer_than_those_of_the_default() -> None:
+    """On a mechanism that is slow: of a problem of 8 s MuJoCo's 1 ms would be 8 ms."""
+    slow = _scales("pendulum").model_copy(update={"time": 8.0})
+    _, default = _step("pendulum", slow, DEFAULT)
+    assert _step("pendulum", slow)[0] == default
+    assert _step("pendulum", slow, ASSISTED)[0] > default
 
 
 def test_single_precision_has_a_shortest_step_and_substeps_lengthen_it(

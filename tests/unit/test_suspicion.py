@@ -92,6 +92,14 @@ def test_a_part_is_named_where_a_run_without_it_shows_it(
     assert count == 1 and listed[0] is sure
 
 
+def test_what_a_run_shows_to_be_the_cause_goes_before_a_suspect_of_the_same_shape() -> None:
+    suspect = RankedCause(name="rate of time", kind="reading", explained=0.9995)
+    for share, first in ((0.96, "time step"), (0.94, "rate of time")):
+        step = RankedCause(name="time step", kind="settings", explained=share, confirmed=True)
+        listed, count = ranked_with_parts([suspect, step])
+        assert count == 1 and listed[0].name == first and len(listed) == 2
+
+
 def test_suspects_of_the_same_effect_keep_their_order_and_names_come_once() -> None:
     shares = (("a", 0.9995), ("b", 0.99999), ("a", 0.3), ("c", 0.01))
     causes = [RankedCause(name=name, kind="law", explained=share) for name, share in shares]

@@ -245,7 +245,7 @@ class _Grid:
         facts = (
             ("scheme", scheme),
             *((("preset", MEANINGS[first.preset]),) if first.preset in MEANINGS else ()),
-            ("order", f"{order}, {basis}"),
+            ("order", _order_text(order, basis)),
             *_cheapest_of(self.matrix, label),
             ("agrees", f"on {agreeing.replace('/', ' of ')} problems"),
             ("trebucheck supplies", _supplied(made)),
@@ -628,13 +628,18 @@ def _order(matrix: Matrix, label: str) -> tuple[str, str]:
     order = orders[0]
     if order.exponent is not None:
         width = order.half_width or 0.0
-        return f"{order.exponent:.2f}", f"measured on {order.problem}, ± {width:.1g}"
+        return f"{order.exponent:.2f}", f"± {width:.1g}, measured on {order.problem}"
     if order.floor is None:
         return _NO_ORDER, f"no power of the step was found on {order.problem}"
     floor = f"floor of {format_number(order.floor)} m on {order.problem}"
     if order.floor_cause:
         floor += f", set by {order.floor_cause}"
     return _NO_ORDER, floor
+
+
+def _order_text(order: str, basis: str) -> str:
+    """Order and where it comes from; its uncertainty, where there is one, stands first there."""
+    return f"{order}{' ' if basis.startswith('±') else ', '}{basis}"
 
 
 # --- Dynamics, refusals, causes, versions
@@ -824,7 +829,7 @@ class _Side:
     def order(self) -> str:
         """Order of its error in the step, and where it comes from."""
         order, basis = _order(self.matrix, f"{self.engine} {self.preset}")
-        return basis if order == _NO_ORDER else f"{order}, {basis}"
+        return basis if order == _NO_ORDER else _order_text(order, basis)
 
     @property
     def own(self) -> doc.Text:
