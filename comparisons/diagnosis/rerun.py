@@ -23,7 +23,7 @@ from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 from ..runs.results import RankedCause
 from .case import Case
-from .rank import SUFFICIENT
+from .rank import SAME, SUFFICIENT
 
 Simulate = Callable[[Engine, Problem], Trajectory]
 
@@ -44,6 +44,8 @@ class _Setting:
     name: str
     amount: str
     options: Options
+    of_budget: bool = True
+    """Whether it is a cause of the engine's error budget, and not just an option."""
 
     def with_other(self, other: Self) -> Self:
         """Both; no option is in both."""
@@ -78,13 +80,17 @@ class Rerun:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
 
         Where none does alone, what explains most is taken out with each of the others, and so on.
+        The step comes after the other causes, as shorter ones cost more. Options that are no cause
+        of the budget are not tried where one of these takes out all of it.
         """
         size = float(np.linalg.norm(case.deviation))
         most, best = 0.0, None
-        removals = tuple(_other_settings(self.engine, case.mechanism))
+        removals = sorted(_other_settings(self.engine, case.mechanism), key=_costs)
         settings: list[_Setting] = []
         for removal in removals:
-            cause, setting = self._alone(case, removal)
+            if most >= SAME and not removal.of_budget:
+                break
+            cause, setting = self._alone(case, removal, most)
             settings.append(setting)
             if cause.explained > 0:
                 yield cause
@@ -157,28 +163,38 @@ class Rerun:
         left = self._left(case, reduce(_Setting.with_other, settings).options)
         return 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
 
-    def _alone(self, case: Case, setting: _Setting) -> tuple[RankedCause, _Setting]:
-        """Share that a setting takes out alone, and the setting with which it does."""
+    def _alone(self, case: Case, setting: _Setting, others: float) -> tuple[RankedCause, _Setting]:
+        """Share that a setting takes out alone, and the setting with which it does.
+
+        Args:
+            case: the deviation.
+            setting: without a cause.
+            others: the largest share that another setting takes out alone.
+        """
         if _STEP in setting.options:
-            return self._without_the_step(case, setting)
+            return self._without_the_step(case, setting, others)
         left = self._left(case, setting.options)
         explained = 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
         return setting.cause(explained), setting
 
-    def _without_the_step(self, case: Case, setting: _Setting) -> tuple[RankedCause, _Setting]:
+    def _without_the_step(
+        self, case: Case, setting: _Setting, others: float
+    ) -> tuple[RankedCause, _Setting]:
         """Share that the step takes out, told by steps ever shorter until it is enough.
 
         A step's share is the larger one of two: what vanishes with it, and what it and the step
         before tell to vanish with no step at all (:func:`_beside_the_step`). Half the step costs
         little and is enough for most errors; large ones are of no order until the step is far
-        shorter.
+        shorter. Where another setting takes out all of it, half the step tells whether it does so,
+        too.
         """
         size, options = float(np.linalg.norm(case.deviation)), self.engine.settings
         best = setting.cause(0.0), setting
         least = math.inf  # left by a run with any of the steps
         longer, before = self.engine.timestep, case.deviation
         halves, beyond = self._shorter_steps()
-        for i, step in enumerate((*halves, *beyond)):
+        steps = halves[:1] if others >= SAME else (*halves, *beyond)
+        for i, step in enumerate(steps):
             if _TRIED <= i < len(halves) and best[0].explained < _NO_PART:
                 continue
             left = self._left(case, {**setting.options, _STEP: step})
@@ -257,6 +273,11 @@ def _described(options: Options, to: Options, engine: Engine) -> str:
     return f"{Intervention(options=to).described(options)}{_scheme(engine)}"
 
 
+def _costs(setting: _Setting) -> tuple[bool, bool]:
+    """Order in which settings are tried: causes of the budget, of these the step last."""
+    return not setting.of_budget, _STEP in setting.options
+
+
 def _share(left: FloatArray, size: float) -> float:
     return 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
 
@@ -323,4 +344,4 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
     for name, value in options.items():
         if name in assisted and value != assisted[name] and name not in known | {_STEP}:
             text = f"{value}; {ASSISTED}: {assisted[name]}"
-            yield _Setting(f"option {name}", text, {name: assisted[name]})
+            yield _Setting(f"option {name}", text, {name: assisted[name]}, of_budget=False)
