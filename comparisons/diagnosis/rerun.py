@@ -84,6 +84,8 @@ class Rerun:
         of the budget are not tried where one of these takes out all of it.
         """
         size = float(np.linalg.norm(case.deviation))
+        if size == 0.0:  # what is there is right, and the rest is missing
+            return
         most, best = 0.0, None
         removals = sorted(_other_settings(self.engine, case.mechanism), key=_costs)
         settings: list[_Setting] = []
