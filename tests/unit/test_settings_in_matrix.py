@@ -36,8 +36,45 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
     "an impulse of 1.5, 0.99, 0.82 N s, whose force grows as one over the step",
     ("pymunk", "quick-return", "base_error"): "the same jump: both part in their first step, which "
     "in settings is 60 times shorter, where errors have not grown",
+    **{
+        ("dart", "bead", metric): "kept before steps of settings were bounded by the default's: "
+        "1.6 ms instead of 1 ms, and errors of order 1"
+        for metric in (
+            *("position_max", "velocity_max", "angle_max", "slide_max", "angular_speed_max"),
+            *("slide_speed_max", "joint_reaction_max", "kinetic_energy_max", "energy_balance"),
+        )
+    },
+    **{
+        ("opensim", "n-four-bar", metric): "at 0.43 ms it leaves the branch at the third singular "
+        "passage, at accuracies of 1e-11, 1e-5 and 1e-3 alike; its own steps pass over it"
+        for metric in (
+            *("position_max", "velocity_max", "angle_max", "angular_speed_max"),
+            *("joint_reaction_max", "kinetic_energy_max", "potential_energy_max"),
+        )
+    },
+    (
+        "opensim",
+        "fixed",
+        "stop_torque_max",
+    ): "not known: both are off by all of the torque, as stops "
+    "are springs and dampers that begin without force",
+    ("pybullet", "double-pendulum", "joint_reaction_max"): "not known: reactions are off by more "
+    "than half of their range in either",
+    ("pybullet", "bead", "joint_reaction_max"): "not known: the same",
+    ("rapier", "high-pendulum", "kinetic_energy_max"): "both have lost the motion",
+    (
+        "rapier",
+        "free-swing",
+        "velocity_max",
+    ): "rounding to single precision is left, where positions "
+    "and angles have a tenth of the default's error",
+    (
+        "rapier",
+        "fixed",
+        "release_time",
+    ): "Rapier tells no forces of limits: a release is looked for in how gaps open",
 }
-"""Quantities in which settings are worse, by engine and problem, and the cause as measured."""
+"""Quantities in which settings are worse, by engine and problem; the cause, if it is known."""
 
 
 def worse(default: MatrixRun, settings: MatrixRun) -> Iterator[str]:
@@ -69,12 +106,15 @@ def _pairs(file: Matrix) -> Iterator[tuple[MatrixRun, MatrixRun]]:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_settings_are_no_worse_than_the_default_in_the_kept_results(path: Path) -> None:
+    pairs = [*_pairs(matrix([path]))]
     found = {
         (run.engine, run.problem, metric)
-        for default, run in _pairs(matrix([path]))
+        for default, run in pairs
         for metric in worse(default, run)
     }
     assert not found - EXCEPTIONS.keys()
+    of_file = {(run.engine, run.problem) for _, run in pairs}
+    assert not {each for each in EXCEPTIONS if each[:2] in of_file} - found  # none is out of date
 
 
 def _run(preset: str, metric: str = "position_max", part: float | None = 0.0) -> MatrixRun:
