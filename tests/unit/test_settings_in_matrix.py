@@ -30,7 +30,11 @@ LOST = 6**-0.5
 SAMPLED = 1.0 + 10 * TOLERATED
 _BOUNDED = ("way", "turn", "speed", "angular_speed")
 
+_LOST_BY_BOTH = "both have lost the motion, which passes close to the upright position"
+
 EXCEPTIONS: dict[tuple[str, str, str], str] = {
+    ("mjx", "rolling", "release_time"): "not known: limits are soft in either, and both open a few "
+    "thousandths of the characteristic time off",
     ("pymunk", "quick-return", "joint_reaction_max"): "a GrooveJoint on a turning arm changes the "
     "crank's speed in the first step from 12 to 17.1 rad/s at 20 ms, 17.2 at 4 ms, 16.6 at 0.1 ms: "
     "an impulse of 1.5, 0.99, 0.82 N s, whose force grows as one over the step",
@@ -61,7 +65,25 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
     ("pybullet", "double-pendulum", "joint_reaction_max"): "not known: reactions are off by more "
     "than half of their range in either",
     ("pybullet", "bead", "joint_reaction_max"): "not known: the same",
-    ("rapier", "high-pendulum", "kinetic_energy_max"): "both have lost the motion",
+    ("rapier", "high-pendulum", "kinetic_energy_max"): _LOST_BY_BOTH,
+    **{
+        (engine, "high-pendulum", metric): _LOST_BY_BOTH
+        for engine, metric in (
+            *(("box2d", "velocity_max"), ("box2d", "angular_speed_max")),
+            *(("box2d", "kinetic_energy_max"), ("planck", "velocity_max")),
+            *(("planck", "joint_reaction_max"), ("planck", "kinetic_energy_max")),
+        )
+    },
+    ("box2d", "n-four-bar", "joint_reaction_max"): "a redundant loop leaves one set of loop forces "
+    "undetermined, which grow by rounding with the number of steps",
+    (
+        "box2d",
+        "hanging-chain",
+        "angular_speed_max",
+    ): "at rest it drifts by rounding, as positions are "
+    "not corrected; with the correction limits leave their stops on the machines",
+    ("box2d", "fixed", "stop_torque_max"): "limits at their stops chatter by rounding; none of 18 "
+    "sets of steps and iterations brought both stops below the default",
     (
         "rapier",
         "free-swing",
