@@ -603,9 +603,10 @@ def _cheapest(matrix: Matrix) -> Iterator[doc.Block]:
     others = sorted({run.engine for run in matrix.runs} - {*engines})
     rows: list[tuple[str, ...]] = []
     for problem in matrix.problems:
-        cells = [_cheapest_text(matrix, engine, problem.name) for engine in engines]
-        if any(text != _NOT_MEASURED for text in cells):
-            rows.append((problem.name, *cells))
+        for engine in engines:
+            text = _cheapest_text(matrix, engine, problem.name)
+            if text != _NOT_MEASURED:
+                rows.append((problem.name, engine, text))
     made = {f"{sweep.engine} {sweep.engine_version}" for sweep in matrix.sweeps}
     on = {sweep.processor or "a processor that is not kept in the file" for sweep in matrix.sweeps}
     yield doc.Note(
@@ -614,7 +615,8 @@ def _cheapest(matrix: Matrix) -> Iterator[doc.Block]:
         f"reading is taken out where it is told apart. {_joined(made)}; on {_joined(on)}."
         + (f" {_NOT_MEASURED.capitalize()}: {', '.join(others)}." if others else "")
     )
-    yield doc.table((doc.words("problem", wrap=False), *engines), rows, _CHEAPEST)
+    heads = (doc.words("problem", wrap=False), "engine", "preset, step and time")
+    yield doc.table(heads, rows, _CHEAPEST)
 
 
 def _order(matrix: Matrix, label: str) -> tuple[str, str]:
