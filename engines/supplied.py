@@ -110,7 +110,7 @@ def all_by(option: str, off: JsonValue, supplied: Supplied) -> tuple[Assistance,
 
 
 def by_part(assistance: Iterable[Assistance]) -> dict[Part, str]:
-    """What trebucheck does by the part of a run."""
+    """Texts of what trebucheck does, by the part of a run."""
     does: dict[Part, list[str]] = {}
     for each in assistance:
         does.setdefault(each.part, []).append(each.does)

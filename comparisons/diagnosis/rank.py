@@ -88,18 +88,17 @@ def ranked(causes: Iterable[RankedCause | Estimate]) -> tuple[tuple[RankedCause,
 def ranked_with_parts(
     causes: Iterable[RankedCause | Estimate],
 ) -> tuple[tuple[RankedCause, ...], int]:
-    """The same; but what runs have shown to be the cause, or most of it, goes before suspects.
+    """Suspects as :func:`ranked` has them, but for causes that runs have shown: these go first.
 
-    It is enough of the deviation; or a half at least, where none is named. Of several, those are
-    named that leave less than twice what the best one leaves.
+    Such a cause explains enough of the deviation; or a half at least, where none is named. Of
+    several, those are named that leave less than twice what the best one leaves.
     """
     listed, named = ranked(causes)
     least = SUFFICIENT if named else MOST_OF_IT
     shown = [each for each in listed if each.confirmed and each.explained >= least]
     if not shown:
         return listed, named
-    left = [1 - min(each.explained, EXACT) for each in shown]
-    parts = shown[: min(_MOST, sum(other < _CLEARLY * left[0] for other in left))]
+    parts = shown[: min(_MOST, _as_good([each.explained for each in shown]))]
     return (*parts, *(each for each in listed if each not in parts)), len(parts)
 
 
@@ -107,8 +106,13 @@ def _named(shares: list[float]) -> int:
     """Tell how many of the causes are named, from their shares in descending order."""
     if not shares or shares[0] < SUFFICIENT:
         return 0
-    left = [1 - min(share, EXACT) for share in shares]
-    near = sum(other < _CLEARLY * left[0] for other in left)
+    near = _as_good(shares)
     if near == 1:
         return 1
     return min(near, _MOST) if shares[near - 1] >= SAME else 0
+
+
+def _as_good(shares: list[float]) -> int:
+    """Number of shares, in descending order, that leave less than twice what the first leaves."""
+    left = [1 - min(share, EXACT) for share in shares]
+    return sum(other < _CLEARLY * left[0] for other in left)

@@ -83,8 +83,7 @@ class Rerun:
         The step comes after the other causes, as shorter ones cost more. Options that are no cause
         of the budget are not tried where one of these takes out all of it.
         """
-        size = float(np.linalg.norm(case.deviation))
-        if size == 0.0:  # what is there is right, and the rest is missing
+        if not case.deviation.any():  # what is there is right, and the rest is missing
             return
         most, best = 0.0, None
         removals = sorted(_other_settings(self.engine, case.mechanism), key=_costs)
@@ -106,8 +105,7 @@ class Rerun:
             for other in effective:
                 if best.options.keys().isdisjoint(other.options):
                     both = best.with_other(other)
-                    left = self._left(case, both.options)
-                    explained = 0.0 if left is None else _share(left, size)
+                    explained = self._explained(case, both)
                     if 1.0 - explained < (1.0 - most) / 2:
                         joined.append((explained, both))
                         yield both.cause(explained)
@@ -123,34 +121,37 @@ class Rerun:
         changed, at the run's own step or a finer one; then those that are not needed are left out.
         Where no preset takes out enough, the one that takes out most is a cause with its share.
         """
-        finer = [self._finest(setting) for setting in settings if _STEP in setting.options]
+        finer = [self._shorter(setting) for setting in settings if _STEP in setting.options]
         most, best = 0.0, None
         for groups in _presets_beyond(self.engine, settings):
             for beside in ([], finer[:1]):
                 needed = [*groups, *beside]
-                share = self._together(case, needed)
+                share = self._explained(case, *needed)
                 if share < SUFFICIENT:
                     if share > most:
                         most, best = share, needed
                     continue
                 for group in groups:
                     fewer = [each for each in needed if each is not group]
-                    if fewer and self._together(case, fewer) >= SUFFICIENT:
+                    if fewer and self._explained(case, *fewer) >= SUFFICIENT:
                         needed = fewer
-                yield reduce(_Setting.with_other, needed).cause(self._together(case, needed))
+                yield reduce(_Setting.with_other, needed).cause(self._explained(case, *needed))
                 return
         if best is not None:
             yield reduce(_Setting.with_other, best).cause(most)
 
-    def _finest(self, setting: _Setting) -> _Setting:
-        """A shorter step, or that of the next preset if it is shorter yet."""
-        tried = setting.options[_STEP]
-        if self.finest is None or not isinstance(tried, int | float) or self.finest >= tried:
+    def _shorter(self, setting: _Setting) -> _Setting:
+        """The setting of a shorter step, or of the next preset's if that is shorter yet."""
+        step = setting.options[_STEP]
+        if self.finest is None or not isinstance(step, int | float) or self.finest >= step:
             return setting
-        to = {**setting.options, _STEP: self.finest}
-        return replace(
-            setting, amount=_described(self.engine.settings, to, self.engine), options=to
-        )
+        return self._at_step(setting, self.finest)
+
+    def _at_step(self, setting: _Setting, step: float) -> _Setting:
+        """The setting of a shorter step, at this one [s]."""
+        to = {**setting.options, _STEP: step}
+        amount = Intervention(options=to).described(self.engine.settings)
+        return replace(setting, amount=f"{amount}{_scheme(self.engine)}", options=to)
 
     def _changes(self, case: Case, options: Options) -> bool:
         """Tell whether a run with other settings is another motion."""
@@ -160,10 +161,10 @@ class Rerun:
         size = float(np.linalg.norm(case.deviation))
         return float(np.linalg.norm(left - case.deviation)) > _ROUNDING * size
 
-    def _together(self, case: Case, settings: Sequence[_Setting]) -> float:
-        """Share of a deviation that vanishes with all of these."""
+    def _explained(self, case: Case, *settings: _Setting) -> float:
+        """Share of a deviation that vanishes with all of these; 0 where they cannot be run."""
         left = self._left(case, reduce(_Setting.with_other, settings).options)
-        return 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
+        return 0.0 if left is None else _share(left, case.deviation)
 
     def _alone(self, case: Case, setting: _Setting, others: float) -> tuple[RankedCause, _Setting]:
         """Share that a setting takes out alone, and the setting with which it does.
@@ -175,9 +176,7 @@ class Rerun:
         """
         if _STEP in setting.options:
             return self._without_the_step(case, setting, others)
-        left = self._left(case, setting.options)
-        explained = 0.0 if left is None else _share(left, float(np.linalg.norm(case.deviation)))
-        return setting.cause(explained), setting
+        return setting.cause(self._explained(case, setting)), setting
 
     def _without_the_step(
         self, case: Case, setting: _Setting, others: float
@@ -190,34 +189,30 @@ class Rerun:
         shorter. Where another setting takes out all of it, half the step tells whether it does so,
         too.
         """
-        size, options = float(np.linalg.norm(case.deviation)), self.engine.settings
-        best = setting.cause(0.0), setting
-        least = math.inf  # left by a run with any of the steps
-        longer, before = self.engine.timestep, case.deviation
+        size = float(np.linalg.norm(case.deviation))
+        cause, nearest, least = setting.cause(0.0), setting, math.inf
+        longer, before = self.engine.timestep or math.inf, case.deviation
         halves, beyond = self._shorter_steps()
         steps = halves[:1] if others >= SAME else (*halves, *beyond)
         for i, step in enumerate(steps):
-            if _TRIED <= i < len(halves) and best[0].explained < _NO_PART:
+            if _TRIED <= i < len(halves) and cause.explained < _NO_PART:
                 continue
-            left = self._left(case, {**setting.options, _STEP: step})
+            tried = self._at_step(setting, step)
+            left = self._left(case, tried.options)
             if left is None:
                 continue
-            length = float(np.linalg.norm(left))
-            to = {**setting.options, _STEP: step}
-            shorter = replace(setting, amount=_described(options, to, self.engine), options=to)
+            length, ratio = float(np.linalg.norm(left)), step / longer
             if length < least:
-                least, best = length, (best[0], shorter)
-            explained, ratio = _share(left, size), step / (longer or step)
+                least, nearest = length, tried
             rest = _beside_the_step(before, left, ratio)
-            explained = max(explained, 1.0 - rest / size)
-            if explained > best[0].explained:
+            explained = max(_share(left, case.deviation), 1.0 - rest / size)
+            if explained > cause.explained:
                 order = _order(length / float(np.linalg.norm(before)), ratio)
-                cause = replace(shorter, amount=f"{shorter.amount}{order}").cause(explained)
-                best = cause, best[1]
+                cause = replace(tried, amount=f"{tried.amount}{order}").cause(explained)
             if explained >= SUFFICIENT:
                 break
             longer, before = step, left
-        return best
+        return cause, nearest
 
     def _shorter_steps(self) -> tuple[list[float], list[float]]:
         """Steps to try [s]: halves, and that of the next preset if it is shorter yet."""
@@ -270,18 +265,14 @@ def _order(left: float, ratio: float) -> str:
     return f"; the error falls with order {math.log(left) / math.log(ratio):.2g}"
 
 
-def _described(options: Options, to: Options, engine: Engine) -> str:
-    """A change of the step in words, with the integrator whose step it is."""
-    return f"{Intervention(options=to).described(options)}{_scheme(engine)}"
-
-
 def _costs(setting: _Setting) -> tuple[bool, bool]:
     """Order in which settings are tried: causes of the budget, of these the step last."""
     return not setting.of_budget, _STEP in setting.options
 
 
-def _share(left: FloatArray, size: float) -> float:
-    return 1.0 - float(np.linalg.norm(left)) / size if size else 0.0
+def _share(left: FloatArray, deviation: FloatArray) -> float:
+    """Share of a deviation that is gone where this is left."""
+    return 1.0 - float(np.linalg.norm(left) / np.linalg.norm(deviation))
 
 
 def _presets_beyond(engine: Engine, settings: Sequence[_Setting]) -> Iterator[tuple[_Setting, ...]]:
@@ -340,7 +331,7 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
             removal = replace(removal, options=kept)
         amount = removal.described(options)
         if _STEP in removal.options:
-            amount = _described(options, removal.options, engine)
+            amount += _scheme(engine)
         yield _Setting(cause.name, amount, removal.options)
     assisted = make(engine.name, ASSISTED).settings
     for name, value in options.items():

@@ -148,6 +148,11 @@ class AlignedRun:
         """Compared samples that are not beside a singular position, where forces have a pole."""
         return away_from_poles(self.solution, self.t, self.scales.time)
 
+    @cached_property
+    def of_forces(self) -> BoolArray:
+        """Compared samples at which forces are compared: smooth, unpushed and away from poles."""
+        return self.smooth & self.away & self.unpushed
+
     def impact_pairs(self, stop: str) -> list[Pair]:
         """Pairs of times of a stop's impacts in both motions (:func:`.impacts.paired`)."""
         return self._paired(stop, impact_times(self.trajectory, stop))
@@ -178,8 +183,7 @@ class AlignedRun:
         """
         chosen, where = self.smooth, "at an impact"
         if forces:
-            chosen = chosen & self.away & self.unpushed
-            where = "at an impact or beside a singular position"
+            chosen, where = self.of_forces, "at an impact or beside a singular position"
         if not chosen.any():
             return not_observed(name, subject, unit, f"every sample is {where}")
         value = float(self.distance(values, reference)[chosen].max())
@@ -382,10 +386,10 @@ def _impacts(c: AlignedRun) -> Iterator[Metric]:
 
 def _torques(c: AlignedRun) -> Iterator[Metric]:
     # Samples further than one and a half steps from any release of either
-    settled = c.smooth & c.away & c.unpushed
+    settled = c.of_forces
     for time in (*c.trajectory.release_times.values(), *c.reference.release_times.values()):
         if time is not None:
-            settled &= np.abs(c.t - time) > EVENT_GUARD * c.step
+            settled = settled & (np.abs(c.t - time) > EVENT_GUARD * c.step)
     for stop in c.trajectory.mechanism.stops:
         name, unit = stop.name, stop.force_unit
         torque = c.trajectory.stop_torques.get(name)

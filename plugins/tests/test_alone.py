@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
+from trebucheck.comparisons.runs.runner import refuse_invalid
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.protocol import BuiltinEngine
-from trebucheck.engines.supplied import stated
-from trebucheck.models.library.registry import library_problem
+from trebucheck.engines.supplied import Part, stated
+from trebucheck.models.library.registry import benchmark, library_problem
 
 ALONE = (DEFAULT, SETTINGS)
 
@@ -78,7 +79,7 @@ CASES: Mapping[str, Case] = {
 
 
 def _run(name: str, program: str) -> dict[str, Any]:
-    """What a program leaves: names of a module of Python, or what Node.js prints."""
+    """Run a program: the names of its module in Python, or what it prints in Node.js."""
     if name == "planck":
         from trebucheck_planck.bridge import PLANCK
 
@@ -177,3 +178,60 @@ def test_settings_are_no_worse_than_the_default(name: str, problem: str) -> None
 
     # The reference is known to 1e-9 and better: below that there is nothing to compare.
     assert error(SETTINGS) <= max(error(DEFAULT), 1e-9)
+
+
+# --- Forces of pins that close loops, which the engine does not tell
+
+
+@dataclass(frozen=True)
+class LoopCase:
+    """Steps of a tenth of the squeezer's motion, and where in it forces are compared."""
+
+    steps: int
+    since: float = 0.0
+    """Part of that time which is left out at the start."""
+
+
+LOOPS: Mapping[str, LoopCase] = {
+    "dart": LoopCase(2000),
+    # Its constraints are compliant: at the start they do not hold in full.
+    "drake": LoopCase(500, since=0.1),
+}
+
+
+@pytest.mark.parametrize("preset", ALONE)
+@pytest.mark.parametrize(
+    ("problem", "loops"), [("n-four-bar", 1), ("squeezer", 3), ("three-cranks", 2)]
+)
+@pytest.mark.parametrize("name", LOOPS)
+def test_each_joint_of_a_mechanism_with_loops_has_its_force(
+    name: str, problem: str, loops: int, preset: str
+) -> None:
+    given = benchmark(problem).problem()
+    made = _engine(name, preset, timestep=given.duration / 2000)
+    found = made.simulate(given.model_copy(update={"duration": given.duration / 100}))
+    mechanism = refuse_invalid(name, found, found.mechanism, made.capabilities).mechanism
+    assert len(mechanism.loop_joints) == loops
+    supplied = stated(made, mechanism)
+    assert supplied is not None and Part.LOOP_REACTIONS in supplied
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order(name: str) -> None:
+    case, problem = LOOPS[name], benchmark("squeezer").problem()
+    problem = problem.model_copy(update={"duration": problem.duration / 10})
+    solution = tb.solve(problem)
+
+    def errors(steps: int) -> dict[str, float]:
+        found = _engine(name, DEFAULT, timestep=problem.duration / steps).simulate(problem)
+        kept = (found.t >= case.since * problem.duration) & (found.t < problem.duration)
+        truth = solution.trajectory(found.t[kept]).joint_reactions
+        return {
+            joint: float(np.abs(force[kept] - truth[joint]).max())
+            for joint, force in found.joint_reactions.items()
+        }
+
+    coarse, fine = errors(case.steps), errors(2 * case.steps)
+    assert coarse.keys() == {joint.name for joint in problem.mechanism.joints}
+    for joint, error in coarse.items():
+        assert np.log2(error / fine[joint]) == pytest.approx(1.0, abs=0.1), joint

@@ -8,9 +8,7 @@ import dartpy
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.runs.runner import refuse_invalid
 from trebucheck.engines.presets import DEFAULT, SETTINGS
-from trebucheck.engines.supplied import Part, stated
 from trebucheck.models.elements import GROUND
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.library.registry import benchmark
@@ -86,39 +84,6 @@ def test_springs_are_of_first_order(name: str) -> None:
         for step in (2e-3, 1e-3)
     )
     assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.parametrize("preset", [DEFAULT, SETTINGS])
-@pytest.mark.parametrize("name", ["n-four-bar", "squeezer", "three-cranks"])
-def test_each_joint_of_a_mechanism_with_loops_has_its_force(name: str, preset: str) -> None:
-    problem = benchmark(name).problem()
-    made = _engine(preset, timestep=problem.duration / 2000)
-    found = made.simulate(problem.model_copy(update={"duration": problem.duration / 100}))
-    mechanism = refuse_invalid("dart", found, found.mechanism, made.capabilities).mechanism
-    assert len(mechanism.loop_joints) == {"n-four-bar": 1, "squeezer": 3, "three-cranks": 2}[name]
-    supplied = stated(made, mechanism)
-    assert supplied is not None and Part.LOOP_REACTIONS in supplied
-
-
-def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order() -> None:
-    problem = benchmark("squeezer").problem()
-    problem = problem.model_copy(update={"duration": problem.duration / 10})
-    solution = tb.solve(problem)
-
-    def errors(steps: int) -> dict[str, float]:
-        step = problem.duration / steps
-        found = _engine(DEFAULT, timestep=step).simulate(problem)
-        kept = found.t < problem.duration
-        truth = solution.trajectory(found.t[kept]).joint_reactions
-        return {
-            name: float(np.abs(force[kept] - truth[name]).max())
-            for name, force in found.joint_reactions.items()
-        }
-
-    coarse, fine = errors(2000), errors(4000)
-    assert coarse.keys() == {joint.name for joint in problem.mechanism.joints}
-    for name, error in coarse.items():
-        assert np.log2(error / fine[name]) == pytest.approx(1.0, abs=0.1), name
 
 
 @pytest.mark.parametrize("name", ["n-four-bar", "squeezer", "three-cranks"])

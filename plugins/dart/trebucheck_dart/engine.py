@@ -71,7 +71,7 @@ class DartEngine(BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """All but the dynamics; by itself what is read off DART's steps, and given forces."""
+        """Parts that trebucheck does: all but the dynamics; by itself readings and loads."""
         return MOVED if self.mode == "dynamics" else self.readings
 
     def _run(self, problem: Problem) -> Recording:

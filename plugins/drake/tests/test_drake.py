@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlantConfig
-from trebucheck.comparisons.runs.runner import refuse_invalid
 from trebucheck.engines.inspection import State
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
-from trebucheck.engines.supplied import Part, stated
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 from trebucheck_drake.alone import Alone, is_free
@@ -118,40 +116,6 @@ def test_limits_hold_and_release_by_themselves() -> None:
         released = found.release_times[name]
         assert (released is None) == (time is None)
         assert released is None or time is None or abs(released - time) <= 2e-3
-
-
-@pytest.mark.parametrize("preset", [DEFAULT, SETTINGS])
-@pytest.mark.parametrize("name", ["n-four-bar", "squeezer", "three-cranks"])
-def test_each_joint_of_a_mechanism_with_loops_has_its_force(name: str, preset: str) -> None:
-    problem = benchmark(name).problem()
-    made = _engine(preset, timestep=problem.duration / 2000)
-    found = made.simulate(problem.model_copy(update={"duration": problem.duration / 100}))
-    mechanism = refuse_invalid("drake", found, found.mechanism, made.capabilities).mechanism
-    assert len(mechanism.loop_joints) == {"n-four-bar": 1, "squeezer": 3, "three-cranks": 2}[name]
-    supplied = stated(made, mechanism)
-    assert supplied is not None and Part.LOOP_REACTIONS in supplied
-
-
-def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order() -> None:
-    problem = benchmark("squeezer").problem()
-    problem = problem.model_copy(update={"duration": problem.duration / 10})
-    solution = tb.solve(problem)
-
-    def errors(steps: int) -> dict[str, float]:
-        step = problem.duration / steps
-        found = _engine(DEFAULT, timestep=step).simulate(problem)
-        # Drake's constraints are compliant: at the start they do not hold in full.
-        kept = (found.t > 0.1 * problem.duration) & (found.t < problem.duration)
-        truth = solution.trajectory(found.t[kept]).joint_reactions
-        return {
-            name: float(np.abs(force[kept] - truth[name]).max())
-            for name, force in found.joint_reactions.items()
-        }
-
-    coarse, fine = errors(500), errors(1000)
-    assert coarse.keys() == {joint.name for joint in problem.mechanism.joints}
-    for name, error in coarse.items():
-        assert np.log2(error / fine[name]) == pytest.approx(1.0, abs=0.1), name
 
 
 @pytest.mark.parametrize("problem", ["slider-crank", "bouncing", "stopped-pendulum"])

@@ -100,7 +100,7 @@ class DrakeEngine(BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """What is held and pushed, in a continuous plant; by itself the forces that are given."""
+        """Parts that trebucheck does: what is held and pushed, or by itself the given forces."""
         return HELD_BUT_SPRINGS if self.mode == "continuous" else self.readings
 
     def _run(self, problem: Problem) -> Recording:

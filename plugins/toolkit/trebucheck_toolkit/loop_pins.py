@@ -60,7 +60,7 @@ def left_over(
     reactions: Mapping[str, FloatArray],
     applied: Mapping[str, FloatArray],
 ) -> dict[str, FloatArray]:
-    """What Newton's law leaves over for the pins that close loops: a force on each body [N].
+    """Resultant of the pins that close loops on each body [N]: what Newton's law leaves over.
 
     Args:
         mechanism: whose bodies move.
