@@ -219,39 +219,21 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
 
 
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, ...], int]:
-    """Suspects in the order of their cost; the next kind only if the last explains too little.
+    """Suspects, kind after kind; the next kind only if the last explains too little.
 
-    Mistakes of reading cost next to nothing. An engine is run again unless its motion is right and
-    a mistake of reading explains the rest: what its step and options do to a motion may have the
-    shape of a suspect, as an oscillation in longer steps has that of another rate of time.
+    Mistakes of reading cost next to nothing. Then the engine is run with other settings, unless its
+    motion is right and a mistake of reading explains the rest. What such runs show is named before
+    any suspect (:func:`.rank.ranked_with_parts`), as what the step and the options do to a motion
+    may have the shape of a suspect: an oscillation in longer steps has that of another rate of
+    time. So suspects are looked for only where no run takes out enough.
     """
     readings = [*_outright_causes(case), *_reading_causes(case)]
-    shares = {cause.name: cause.explained for cause in readings}
-    causes: list[RankedCause | Estimate] = [*readings]
-    if case.told is not None:
-        # Of a file nobody knows what made it: its steps stand before all that may be built wrongly.
-        causes = [*integrator_causes(case), *causes]
-    # Where little is recorded, faults and mistakes of reading may explain it alike.
-    if case.told is not None or max(shares.values(), default=0.0) < _CERTAIN:
-        causes += fitting_faults(case)
-        causes += [_sizeless(case, fault) for fault in missing_faults(case.mechanism)]
-        causes += _law_causes(case)
-    elif _motion_agrees(case):
-        # A load that moves nothing is as good an explanation as a mistake of reading its force.
-        causes += faults_at_the_same_motion(case)
-    is_still = shares.get(NO_MOTION, 0.0) >= SUFFICIENT
-    if is_still:
-        # So is the lack of what would move it.
-        causes += [_sizeless(case, fault) for fault in missing_faults(case.mechanism)]
-        causes += _gross_causes(case)
-    else:
-        causes = measured(causes)
-        listed, named = ranked(causes)
-        if not (named and listed[0].explained >= SAME):
-            causes += _gross_causes(case)
-    causes = measured(causes)
-    if rerun is not None and not (ranked(causes)[1] and (is_still or _motion_agrees(case))):
-        causes += rerun.causes(case)
+    is_still = any(c.name == NO_MOTION and c.explained >= SUFFICIENT for c in readings)
+    is_misread = bool(ranked(readings)[1]) and (is_still or _motion_agrees(case))
+    shown = [] if rerun is None or is_misread else list(rerun.causes(case))
+    if any(cause.explained >= SUFFICIENT for cause in shown):
+        return ranked_with_parts([*readings, *shown])
+    causes = [*_with_suspects(case, readings, is_still), *shown]
     if not ranked(causes)[1] and _motion_agrees(case) and not _forces_deviate(case):
         # Quantities that are read wrongly in a way that no suspect has.
         wrong = [quantity for quantity, share in case.shares.items() if share > _MISREAD]
@@ -261,6 +243,40 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
     if not ranked(causes)[1]:
         causes += _mismatch_causes(case)
     return ranked_with_parts(causes)
+
+
+def _with_suspects(
+    case: Case, readings: Sequence[RankedCause], is_still: bool
+) -> list[RankedCause | Estimate]:
+    """Mistakes of reading, and beside them what else would do this to the reference's motion.
+
+    Args:
+        case: the deviation.
+        readings: mistakes of reading that may have done it.
+        is_still: whether the engine moves nothing.
+    """
+    causes: list[RankedCause | Estimate] = [*readings]
+    if case.told is not None:
+        # Of a file nobody knows what made it: its steps stand before all that may be built wrongly.
+        causes = [*integrator_causes(case), *causes]
+    # Where little is recorded, faults and mistakes of reading may explain it alike.
+    if case.told is not None or max((c.explained for c in readings), default=0.0) < _CERTAIN:
+        causes += fitting_faults(case)
+        causes += [_sizeless(case, fault) for fault in missing_faults(case.mechanism)]
+        causes += _law_causes(case)
+    elif _motion_agrees(case):
+        # A load that moves nothing is as good an explanation as a mistake of reading its force.
+        causes += faults_at_the_same_motion(case)
+    if is_still:
+        # So is the lack of what would move it.
+        causes += [_sizeless(case, fault) for fault in missing_faults(case.mechanism)]
+        causes += _gross_causes(case)
+    else:
+        causes = measured(causes)
+        listed, named = ranked(causes)
+        if not (named and listed[0].explained >= SAME):
+            causes += _gross_causes(case)
+    return measured(causes)
 
 
 def _reading(name: str, explained: float, amount: str = "") -> RankedCause:

@@ -23,7 +23,8 @@ from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 from ..runs.results import RankedCause
 from .case import Case
-from .rank import SAME, SUFFICIENT
+from .rank import MOST_OF_IT, SAME, SUFFICIENT
+from .rounding import rounding_causes
 
 Simulate = Callable[[Engine, Problem], Trajectory]
 
@@ -80,8 +81,8 @@ class Rerun:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
 
         Where none does alone, what explains most is taken out with each of the others, and so on.
-        The step comes after the other causes, as shorter ones cost more. Options that are no cause
-        of the budget are not tried where one of these takes out all of it.
+        The step comes after the other causes, as shorter ones cost more. Where one takes out all of
+        it, no other is looked for.
         """
         if not case.deviation.any():  # what is there is right, and the rest is missing
             return
@@ -89,14 +90,20 @@ class Rerun:
         removals = sorted(_other_settings(self.engine, case.mechanism), key=_costs)
         settings: list[_Setting] = []
         for removal in removals:
-            if most >= SAME and not removal.of_budget:
-                break
-            cause, setting = self._alone(case, removal, most)
+            if most >= SAME:
+                return
+            cause, setting = self._alone(case, removal)
             settings.append(setting)
             if cause.explained > 0:
                 yield cause
             if cause.explained > most:
                 most, best = cause.explained, setting
+        step = next((each for each in removals if _STEP in each.options), None)
+        if step is not None and most < SUFFICIENT and self._is_rounded:
+            told = list(self._of_rounding(case, step))
+            yield from told
+            if any(cause.explained >= MOST_OF_IT for cause in told):
+                return
         # What changes nothing alone is tried with the others of a preset, below.
         effective = [each for each in settings if self._changes(case, each.options)]
         together = 1
@@ -113,6 +120,20 @@ class Rerun:
             together += 1
         if most < SUFFICIENT:
             yield from self._of_presets(case, removals)
+
+    @property
+    def _is_rounded(self) -> bool:
+        """Tell whether its state is of single precision: in double precision no rounding shows."""
+        return engine_study(self.engine.name).single_precision(self.engine.settings)
+
+    def _of_rounding(self, case: Case, setting: _Setting) -> Iterator[RankedCause]:
+        """Rounding to single precision, by runs at other steps."""
+
+        def at(step: float) -> FloatArray | None:
+            return self._left(case, {**setting.options, _STEP: step})
+
+        if self.engine.timestep:
+            yield from rounding_causes(case.deviation, self.engine.timestep, at)
 
     def _of_presets(self, case: Case, settings: Sequence[_Setting]) -> Iterator[RankedCause]:
         """Causes that vanish together, with the options of a preset that asks for more.
@@ -166,35 +187,25 @@ class Rerun:
         left = self._left(case, reduce(_Setting.with_other, settings).options)
         return 0.0 if left is None else _share(left, case.deviation)
 
-    def _alone(self, case: Case, setting: _Setting, others: float) -> tuple[RankedCause, _Setting]:
-        """Share that a setting takes out alone, and the setting with which it does.
-
-        Args:
-            case: the deviation.
-            setting: without a cause.
-            others: the largest share that another setting takes out alone.
-        """
+    def _alone(self, case: Case, setting: _Setting) -> tuple[RankedCause, _Setting]:
+        """Share that a setting takes out alone, and the setting with which it does."""
         if _STEP in setting.options:
-            return self._without_the_step(case, setting, others)
+            return self._without_the_step(case, setting)
         return setting.cause(self._explained(case, setting)), setting
 
-    def _without_the_step(
-        self, case: Case, setting: _Setting, others: float
-    ) -> tuple[RankedCause, _Setting]:
+    def _without_the_step(self, case: Case, setting: _Setting) -> tuple[RankedCause, _Setting]:
         """Share that the step takes out, told by steps ever shorter until it is enough.
 
         A step's share is the larger one of two: what vanishes with it, and what it and the step
         before tell to vanish with no step at all (:func:`_beside_the_step`). Half the step costs
         little and is enough for most errors; large ones are of no order until the step is far
-        shorter. Where another setting takes out all of it, half the step tells whether it does so,
-        too.
+        shorter.
         """
         size = float(np.linalg.norm(case.deviation))
         cause, nearest, least = setting.cause(0.0), setting, math.inf
         longer, before = self.engine.timestep or math.inf, case.deviation
         halves, beyond = self._shorter_steps()
-        steps = halves[:1] if others >= SAME else (*halves, *beyond)
-        for i, step in enumerate(steps):
+        for i, step in enumerate((*halves, *beyond)):
             if _TRIED <= i < len(halves) and cause.explained < _NO_PART:
                 continue
             tried = self._at_step(setting, step)
