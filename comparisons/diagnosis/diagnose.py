@@ -83,10 +83,13 @@ _COORDINATES: dict[str, _Series] = {
 }
 _CARRIED_ON = _POINTS | _COORDINATES
 """Quantities by metric whose errors the motion carries on to later times."""
-_SERIES: dict[str, _Series] = {
-    **_CARRIED_ON,
+_OF_FORCES: dict[str, _Series] = {
     "stop_torque_max": lambda run, stop: run.stop_torque(stop),
     "joint_reaction_max": lambda run, joint: run.joint_reaction(joint),
+}
+_SERIES: dict[str, _Series] = {
+    **_CARRIED_ON,
+    **_OF_FORCES,
     "kinetic_energy_max": lambda run, _: run.kinetic_energy,
     "potential_energy_max": lambda run, _: run.potential_energy,
 }
@@ -127,7 +130,8 @@ def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
                 if grown is None:
                     grown = growth(c.solution, c.t)
                 limit = allowed * grown
-            times = c.t[~(distance <= limit) & c.smooth][:1].tolist()
+            compared = c.of_forces if metric.name in _OF_FORCES else c.smooth
+            times = c.t[~(distance <= limit) & compared][:1].tolist()
         known = [time for time in times if time is not None]
         if known:
             onsets[metric.label] = min(known)

@@ -875,6 +875,27 @@ def test_events_violate_their_tolerance_at_the_earlier_of_their_times() -> None:
     assert _onset(bare) is None  # it has no tolerance
 
 
+def test_a_force_violates_its_tolerance_where_it_is_compared() -> None:
+    """Not where an engine without impacts pushes in one instead, over a few samples."""
+    reference: Any = Formula(impacts=((1.0, {"buffer": 1.0}),))
+    t = times()
+    metric = Metric(
+        name="stop_torque_max", subject="buffer", value=100.0, unit="N m", tolerance=1.0
+    )
+
+    def onset(*pushed: tuple[float, float]) -> tuple[str, float] | None:
+        force = sum((100.0 * ((t > first) & (t < last)) for first, last in pushed), 0.0 * t)
+        exact = reference.trajectory(t)
+        torques = {**exact.stop_torques, "buffer": force}
+        own = dataclasses.replace(exact, impacts=(), stop_torques=torques)
+        found = find_onset(against(own, reference, END), (metric,))
+        return None if found is None else (found.first_violated, found.time)
+
+    assert onset((1.045, 1.055)) is None
+    late = onset((1.045, 1.055), (1.295, 1.4))
+    assert late == ("stop_torque_max (buffer)", pytest.approx(1.3))
+
+
 @pytest.mark.parametrize("speed", [1e3, 1e-9])
 def test_forces_of_inertia_are_those_of_the_largest_speed_or_of_one_in_its_units(
     speed: float,
