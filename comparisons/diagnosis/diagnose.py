@@ -225,19 +225,26 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
 def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, ...], int]:
     """Suspects, kind after kind; the next kind only if the last explains too little.
 
-    Mistakes of reading cost next to nothing. Then the engine is run with other settings, unless its
-    motion is right and a mistake of reading explains the rest. What such runs show is named before
-    any suspect (:func:`.rank.ranked_with_parts`), as what the step and the options do to a motion
-    may have the shape of a suspect: an oscillation in longer steps has that of another rate of
-    time. So suspects are looked for only where no run takes out enough.
+    Mistakes of reading cost next to nothing. Where the motion deviates, the engine is then run with
+    other settings. What such runs show is named before any suspect
+    (:func:`.rank.ranked_with_parts`), as what the step and the options do to a motion may have the
+    shape of a suspect: an oscillation in longer steps has that of another rate of time. So suspects
+    are looked for only where no run takes out enough. Where no coordinate and no point exceeds its
+    tolerance, or nothing moves, they come first: other settings change the little that a right
+    motion deviates, whatever is wrong beside it.
     """
     readings = [*_outright_causes(case), *_reading_causes(case)]
     is_still = any(c.name == NO_MOTION and c.explained >= SUFFICIENT for c in readings)
-    is_misread = bool(ranked(readings)[1]) and (is_still or _motion_agrees(case))
-    shown = [] if rerun is None or is_misread else list(rerun.causes(case))
-    if any(cause.explained >= SUFFICIENT for cause in shown):
-        return ranked_with_parts([*readings, *shown])
-    causes = [*_with_suspects(case, readings, is_still), *shown]
+    if rerun is not None and not is_still and case.broken & (_STATE_METRICS | _POINT_METRICS):
+        shown = list(rerun.causes(case))
+        if any(cause.explained >= SUFFICIENT for cause in shown):
+            return ranked_with_parts([*readings, *shown])
+        causes = [*_with_suspects(case, readings, is_still), *shown]
+    else:
+        causes = _with_suspects(case, readings, is_still)
+        is_explained = ranked(causes)[1] and (is_still or _motion_agrees(case))
+        if rerun is not None and not is_explained:
+            causes += rerun.causes(case)
     if not ranked(causes)[1] and _motion_agrees(case) and not _forces_deviate(case):
         # Quantities that are read wrongly in a way that no suspect has.
         wrong = [quantity for quantity, share in case.shares.items() if share > _MISREAD]

@@ -47,7 +47,7 @@ from trebucheck.comparisons.diagnosis.faults import (
     hypotheses,
     machine_suspects,
 )
-from trebucheck.comparisons.diagnosis.rank import SUFFICIENT, Estimate
+from trebucheck.comparisons.diagnosis.rank import Estimate
 from trebucheck.comparisons.diagnosis.readings import NO_MOTION, Reading
 from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
@@ -704,7 +704,8 @@ def _asked(
         asked.append(kind)
         if kind == "reading" and "still" in shares:
             return [RankedCause(name=NO_MOTION, kind="reading", explained=shares["still"])]
-        return [RankedCause(name=kind, kind="law", explained=shares.get(kind, 0.0))]
+        share, shown = shares.get(kind, 0.0), kind == "again"
+        return [RankedCause(name=kind, kind="law", explained=share, confirmed=shown)]
 
     missing: Any = SimpleNamespace(kind="missing")
     for function, kind in (
@@ -721,7 +722,8 @@ def _asked(
     monkeypatch.setattr(diagnosing, "_forces_deviate", lambda _: False)
     kinds = {Kind.COORDINATES: 0.003, Kind.SPEEDS: 0.004, Kind.FORCE: 0.9999}
     deviate = {Quantity(kind): share for kind, share in kinds.items()}
-    case: Any = SimpleNamespace(told=told, mechanism=None, shares=deviate)
+    broken = frozenset[str]() if agrees else frozenset({"angle_max"})
+    case: Any = SimpleNamespace(told=told, mechanism=None, shares=deviate, broken=broken)
     again: Any = SimpleNamespace(causes=lambda _: suspect("again")) if rerun else None
     listed, named = diagnosing._ranked_causes(case, again)
     return asked, {cause.name: cause.explained for cause in listed}, named
@@ -738,7 +740,7 @@ def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.M
     again = ["reading", "again"]
     assert _asked(monkeypatch, reading=0.9999) == (again, {"reading": 0.9999}, 1)
     assert _asked(monkeypatch, rerun=False, reading=0.9999)[0] == ["reading"]
-    assert _asked(monkeypatch, reading=0.9998)[0] == [*FAULTS, "again"]
+    assert _asked(monkeypatch, reading=0.9998)[0] == [*again, *FAULTS[1:]]
     of_a_file = _asked(monkeypatch, rerun=False, reading=0.9999, told=frozenset())[0]
     assert of_a_file == ["reading", "integrator", *FAULTS[1:]]
     assert _asked(monkeypatch, reading=0.9999, agrees=True)[0] == ["reading", "same motion"]
@@ -747,29 +749,48 @@ def test_a_reading_that_explains_all_of_it_ends_the_search(monkeypatch: pytest.M
 @pytest.mark.parametrize(
     ("shares", "kinds", "named"),
     [
-        ({"fitted": 0.99}, [*FAULTS, "again"], 1),
-        ({"fitted": 0.98}, [*FAULTS, "gross", "again"], 1),  # it may be something worse
-        ({"gross": 0.96}, [*FAULTS, "gross", "again"], 1),
-        ({"gross": 0.9}, [*FAULTS, "gross", "again", "mismatch"], 0),
-        ({"mismatch": 0.96}, [*FAULTS, "gross", "again", "mismatch"], 1),
-        ({"gross": 0.9, "again": 0.99}, [*FAULTS, "gross", "again"], 1),
+        ({"fitted": 0.99}, FAULTS, 1),
+        ({"fitted": 0.98}, [*FAULTS, "gross"], 1),  # it may be something worse
+        ({"gross": 0.96}, [*FAULTS, "gross"], 1),
+        ({"gross": 0.9}, [*FAULTS, "gross", "mismatch"], 0),
+        ({"mismatch": 0.96}, [*FAULTS, "gross", "mismatch"], 1),
+        ({"again": 0.9}, [*FAULTS, "gross", "mismatch"], 1),  # a part that a run shows
     ],
 )
 def test_the_next_kind_of_suspects_is_asked_for_where_the_last_explains_too_little(
     shares: dict[str, float], kinds: list[str], named: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The engine is run again before suspects are looked for, as its motion deviates."""
+    reading, *others = kinds
     asked, _, how_many = _asked(monkeypatch, **shares)
-    assert asked == kinds and how_many == named
-    asked, _, _ = _asked(monkeypatch, rerun=False, **shares)
-    suspects = [share for kind, share in shares.items() if kind not in ("again", "mismatch")]
-    last = [] if max(suspects, default=0.0) >= SUFFICIENT else ["mismatch"]
-    assert asked == [kind for kind in kinds if kind not in ("again", "mismatch")] + last
+    assert asked == [reading, "again", *others] and how_many == named
+    assert _asked(monkeypatch, rerun=False, **shares)[0] == kinds
+
+
+def test_what_a_run_takes_out_ends_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, _, named = _asked(monkeypatch, gross=0.9, again=0.95)
+    assert asked == ["reading", "again"] and named == 1
+
+
+def test_of_a_right_motion_suspects_come_before_other_settings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its little deviation changes with the settings, and what is read wrongly does not."""
+    asked, _, named = _asked(monkeypatch, agrees=True, law=0.96, again=0.99)
+    assert asked == [*FAULTS, "gross"] and named == 1
+    assert _asked(monkeypatch, agrees=True, again=0.99)[0] == [*FAULTS, "gross", "again"]
 
 
 def test_where_nothing_moves_what_is_missing_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     assert _asked(monkeypatch, still=0.95)[0] == [*FAULTS, "missing", "gross"]
     assert _asked(monkeypatch, still=0.9999)[0] == ["reading", "missing", "gross"]
-    assert _asked(monkeypatch, still=0.94)[0] == [*FAULTS, "gross", "again", "mismatch"]
+    assert _asked(monkeypatch, still=0.94)[0] == [
+        "reading",
+        "again",
+        *FAULTS[1:],
+        "gross",
+        "mismatch",
+    ]
 
 
 def test_what_no_suspect_explains_at_the_right_motion_is_a_reading(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from trebucheck.comparisons.diagnosis.rounding import rounding_causes
+from trebucheck.comparisons.diagnosis.rerun import rounding_causes
 from trebucheck.models.arrays import FloatArray
 
 SIZE, STEP = 4000, 0.01
