@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import Self
@@ -22,7 +22,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 from ..runs.results import RankedCause
-from .case import Case
+from .case import Case, share_of
 from .rank import MOST_OF_IT, SAME, SUFFICIENT
 
 Simulate = Callable[[Engine, Problem], Trajectory]
@@ -57,13 +57,7 @@ class _Setting:
         return type(self)(f"{self.name}, {other.name}", f"{self.amount}, {other.amount}", joined)
 
     def cause(self, explained: float) -> RankedCause:
-        return RankedCause(
-            name=self.name,
-            kind="settings",
-            amount=self.amount,
-            explained=explained,
-            confirmed=True,
-        )
+        return _shown(self.name, self.amount, explained)
 
 
 @dataclass(frozen=True)
@@ -101,12 +95,12 @@ class Rerun:
                 yield cause
             if cause.explained > most:
                 most, best = cause.explained, setting
-        step = next((each for each in removals if _STEP in each.options), None)
-        if step is not None and most < SUFFICIENT and self._is_rounded:
-            told = list(self._of_rounding(case, step))
-            yield from told
-            if any(cause.explained >= MOST_OF_IT for cause in told):
-                return
+        if most >= SUFFICIENT:
+            return
+        rounding = list(self._of_rounding(case, removals))
+        yield from rounding
+        if any(cause.explained >= MOST_OF_IT for cause in rounding):
+            return
         # What changes nothing alone is tried with the others of a preset, below.
         effective = [each for each in settings if self._changes(case, each.options)]
         together = 1
@@ -124,19 +118,17 @@ class Rerun:
         if most < SUFFICIENT:
             yield from self._of_presets(case, removals)
 
-    @property
-    def _is_rounded(self) -> bool:
-        """Tell whether its state is of single precision: in double precision no rounding shows."""
-        return engine_study(self.engine.name).single_precision(self.engine.settings)
+    def _of_rounding(self, case: Case, settings: Sequence[_Setting]) -> Iterator[RankedCause]:
+        """Rounding to single precision, by runs at other steps; in double precision none shows."""
+        step, of_step = self.engine.timestep, [each for each in settings if _STEP in each.options]
+        is_single = engine_study(self.engine.name).single_precision(self.engine.settings)
+        if not (step and of_step and is_single):
+            return
 
-    def _of_rounding(self, case: Case, setting: _Setting) -> Iterator[RankedCause]:
-        """Rounding to single precision, by runs at other steps."""
+        def at(other: float) -> FloatArray | None:
+            return self._left(case, {**of_step[0].options, _STEP: other})
 
-        def at(step: float) -> FloatArray | None:
-            return self._left(case, {**setting.options, _STEP: step})
-
-        if self.engine.timestep:
-            yield from rounding_causes(case.deviation, self.engine.timestep, at)
+        yield from rounding_causes(case.deviation, step, at)
 
     def _of_presets(self, case: Case, settings: Sequence[_Setting]) -> Iterator[RankedCause]:
         """Causes that vanish together, with the options of a preset that asks for more.
@@ -380,27 +372,21 @@ def rounding_causes(
         return
     of_step, order = _error_of_step(deviation, run(2 * step), run(4 * step))
     half = run(step / 2)
-    growing, power = 0.0 * deviation, 0
+    growing, power = np.zeros_like(deviation), 0
     if half is not None:
         growing, power = _growing(deviation - of_step, half - of_step / 2**order)
-    alone = _explained_by(deviation, of_step, 0.0)
-    rounded = max(_explained_by(deviation, part, noise) for part in (0.0 * deviation, growing))
-    both = _explained_by(deviation, of_step + growing, noise)
-
-    def cause(name: str, amount: str, explained: float) -> RankedCause:
-        return RankedCause(
-            name=name, kind="settings", amount=amount, explained=explained, confirmed=True
-        )
-
+    alone = share_of(deviation, of_step)
+    rounded = max(_with_noise(part, noise, deviation) for part in (0.0, growing))
+    both = _with_noise(of_step + growing, noise, deviation)
     size = float(np.linalg.norm(deviation))
     in_steps = f"steps of {2 * step:.3g} and {4 * step:.3g} s show an error of order {order}"
     in_sums = f"in steps that differ by 1e-4 motions are {noise / size:.2g} of the deviation apart"
     if power:
         in_sums += f", and a part grows with shorter steps as 1/h^{power}"
-    yield cause("time step", in_steps, alone)
-    yield cause("rounding to single precision", in_sums, rounded)
+    yield _shown("time step", in_steps, alone)
+    yield _shown("rounding to single precision", in_sums, rounded)
     if 1.0 - both < (1.0 - max(alone, rounded)) / 2:
-        yield cause("time step, rounding to single precision", f"{in_steps}; {in_sums}", both)
+        yield _shown("time step, rounding to single precision", f"{in_steps}; {in_sums}", both)
 
 
 def _noise(deviation: FloatArray, alike: list[FloatArray | None]) -> float | None:
@@ -413,26 +399,37 @@ def _error_of_step(
     deviation: FloatArray, twice: FloatArray | None, four_times: FloatArray | None
 ) -> tuple[FloatArray, int]:
     """Part of the deviation that grows with the step, and its order; zeros where none does."""
-    nothing = 0.0 * deviation
+    nothing = np.zeros_like(deviation), _LOW_ORDERS[0]
     if twice is None or four_times is None:
-        return nothing, _LOW_ORDERS[0]
+        return nothing
     parts = {order: (four_times - twice) / (4**order - 2**order) for order in _LOW_ORDERS}
-    order = max(parts, key=lambda order: _explained_by(deviation, parts[order], 0.0))
-    helps = _explained_by(deviation, parts[order], 0.0) > 0
-    return (parts[order] if helps else nothing), order
+    return _best_part(deviation, parts) or nothing
 
 
 def _growing(rest: FloatArray, rest_at_half: FloatArray) -> tuple[FloatArray, int]:
     """Part of a rest that shorter steps make larger, and its power of 1/h; 0: there is none."""
-    nothing = 0.0 * rest
-    if not float(np.linalg.norm(rest_at_half)) > _GROWN * float(np.linalg.norm(rest)) > 0.0:
-        return nothing, 0
-    parts = {power: rest_at_half / 2**power for power in _POWERS}
-    power = max(parts, key=lambda power: _explained_by(rest, parts[power], 0.0))
-    return (parts[power], power) if _explained_by(rest, parts[power], 0.0) > 0 else (nothing, 0)
+    nothing = np.zeros_like(rest), 0
+    if not float(np.linalg.norm(rest_at_half)) > _GROWN * float(np.linalg.norm(rest)):
+        return nothing
+    return _best_part(rest, {power: rest_at_half / 2**power for power in _POWERS}) or nothing
 
 
-def _explained_by(deviation: FloatArray, part: FloatArray, noise: float) -> float:
+def _best_part(
+    deviation: FloatArray, parts: Mapping[int, FloatArray]
+) -> tuple[FloatArray, int] | None:
+    """The part that explains most of a deviation, and its power; None where none explains any."""
+    power = max(parts, key=lambda power: share_of(deviation, parts[power]))
+    return (parts[power], power) if share_of(deviation, parts[power]) > 0 else None
+
+
+def _with_noise(part: FloatArray | float, noise: float, deviation: FloatArray) -> float:
     """Share of a deviation that a part of it and noise of this size explain together."""
     left = float(np.linalg.norm(deviation - part)) ** 2 - noise**2
     return 1.0 - math.sqrt(max(0.0, left)) / float(np.linalg.norm(deviation))
+
+
+def _shown(name: str, amount: str, explained: float) -> RankedCause:
+    """A cause that runs with other settings show."""
+    return RankedCause(
+        name=name, kind="settings", amount=amount, explained=explained, confirmed=True
+    )

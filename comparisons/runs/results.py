@@ -254,7 +254,8 @@ class RankedCause(Spec):
     amount: str = Field(default="", description="how large it would have to be, in words")
     explained: Real = Field(description="share of the deviation, 1: all of it")
     confirmed: bool = optional(
-        False, "by runs of the engine without it; of a step, by what runs at shorter ones tell"
+        False,
+        "by runs of the engine without it; of a step and of rounding, by what other steps tell",
     )
 
 

@@ -31,7 +31,8 @@ def shares(error: Error) -> dict[str, float]:
 def test_an_error_of_an_order_is_the_steps(order: int) -> None:
     found = shares(lambda h: SHAPE * (h / STEP) ** order)
     assert found["time step"] == pytest.approx(1.0, abs=1e-9)
-    # Steps that differ by 1e-4 differ in their error by order * 1e-4, and half of it is squared.
+    # Steps that differ by e = 1e-4 differ in their error by a part of order * e: by a share of
+    # (order * e)^2 / 4 it passes for noise.
     assert abs(found["rounding to single precision"]) < 1e-7
     assert len(found) == 2
 
