@@ -137,6 +137,13 @@ def stated(engine: object, mechanism: Mechanism | None = None) -> dict[str, str]
     return parts
 
 
+def idle_options(engine: object, mechanism: Mechanism) -> frozenset[str]:
+    """Options that ask for nothing but assistance that cannot act on a mechanism."""
+    assistance = cast("tuple[Assistance, ...] | None", getattr(engine, "assistance", None)) or ()
+    acting = {each.option for each in assistance if each.acts_on(mechanism)}
+    return frozenset(each.option for each in assistance) - acting
+
+
 def only_read(supplied: Mapping[str, str]) -> bool:
     """Tell whether trebucheck does no part of a run, but to read quantities off its motion."""
     return set(supplied) <= {Part.REACTIONS, Part.TORQUES, Part.LOOP_REACTIONS}

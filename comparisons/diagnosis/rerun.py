@@ -16,6 +16,7 @@ from ...engines.protocol import Engine
 from ...engines.registry import causes_of, engine_study, presets_of, with_options
 from ...engines.registry import engine as make
 from ...engines.study import Intervention, Options, same_value
+from ...engines.supplied import idle_options
 from ...models.arrays import FloatArray
 from ...models.errors import TrebucheckError
 from ...models.mechanism import Mechanism
@@ -139,7 +140,7 @@ class Rerun:
         """
         finer = [self._shorter(setting) for setting in settings if _STEP in setting.options]
         most, best = 0.0, None
-        for groups in _presets_beyond(self.engine, settings):
+        for groups in _presets_beyond(self.engine, case.mechanism, settings):
             for beside in ([], finer[:1]):
                 needed = [*groups, *beside]
                 share = self._explained(case, *needed)
@@ -281,9 +282,12 @@ def _share(left: FloatArray, deviation: FloatArray) -> float:
     return 1.0 - float(np.linalg.norm(left) / np.linalg.norm(deviation))
 
 
-def _presets_beyond(engine: Engine, settings: Sequence[_Setting]) -> Iterator[tuple[_Setting, ...]]:
+def _presets_beyond(
+    engine: Engine, mechanism: Mechanism, settings: Sequence[_Setting]
+) -> Iterator[tuple[_Setting, ...]]:
     """Options that the presets after an engine's own set otherwise, but for the step, by cause."""
     options, known = engine.settings, presets_of(engine.name)
+    idle = {_STEP} | idle_options(engine, mechanism)
     if engine.preset not in known:
         return
     for preset in known[known.index(engine.preset) + 1 :]:
@@ -291,7 +295,7 @@ def _presets_beyond(engine: Engine, settings: Sequence[_Setting]) -> Iterator[tu
         changed = {
             name: value
             for name, value in asked.items()
-            if name != _STEP and not same_value(options.get(name), value)
+            if name not in idle and not same_value(options.get(name), value)
         }
         groups: list[_Setting] = []
         for setting in settings:
@@ -323,14 +327,21 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
     A removal that shortens the step leaves what follows the step, options that are None, to follow
     it. An error budget keeps it as it is, to tell the parts of an error. Who looks for a cause has
     the step alone to turn, and neither part explains a deviation that both make.
+
+    Options that ask for assistance which cannot act on the mechanism are left as they are: a run
+    with them is the same run, and another name for a cause that is not there.
     """
-    options = engine.settings
+    options, idle = engine.settings, idle_options(engine, mechanism)
     known: set[str] = set()
     for cause in causes_of(engine, mechanism):
         removal = cause.removal
-        if removal is None or not removal.options:
+        if removal is None:
             continue
         known |= removal.options.keys()
+        acting = {name: value for name, value in removal.options.items() if name not in idle}
+        if not acting:
+            continue
+        removal = replace(removal, options=acting)
         if _STEP in removal.options:
             followers = [o for o in removal.options if o != _STEP and options.get(o) is None]
             kept = {name: v for name, v in removal.options.items() if name not in followers}
@@ -341,7 +352,7 @@ def _other_settings(engine: Engine, mechanism: Mechanism) -> Iterator[_Setting]:
         yield _Setting(cause.name, amount, removal.options)
     assisted = make(engine.name, ASSISTED).settings
     for name, value in options.items():
-        if name in assisted and value != assisted[name] and name not in known | {_STEP}:
+        if name in assisted and value != assisted[name] and name not in known | idle | {_STEP}:
             text = f"{value}; {ASSISTED}: {assisted[name]}"
             yield _Setting(f"option {name}", text, {name: assisted[name]}, of_budget=False)
 

@@ -48,7 +48,7 @@ def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
     stiffest = [*scaled_solref(float(settings["timestep"]), settings["integrator"])]
     if settings["solref"] is None:  # it would follow the step
         finer["solref"] = stiffest
-    return with_readout(
+    constrained = (
         Cause(
             "soft constraints",
             "stops and loops are springs with dampers: they give way, begin without force, and a "
@@ -60,6 +60,9 @@ def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
             "limits, contacts and equalities are softer than the step can bear",
             Intervention({**_HARDEST, "solref": stiffest}),
         ),
+    )
+    return with_readout(
+        *(constrained if constraints.angles or constraints.points else ()),
         Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"})),
         Cause(
             "integrator",

@@ -29,14 +29,14 @@ from trebucheck_toolkit.scheme_tables import error_controlled, located_tolerance
 PYTHON = "OpenSim in Python"
 
 
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
     accuracy = Cause(
         "accuracy",
         "the local error that the integrator is asked for",
         Intervention({"samples": "steps", "accuracy": min(1e-12, float(settings["accuracy"]))}),
     )
     step = time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT})
-    if settings["limits"] == "locks":
+    if settings["limits"] == "locks" or not constraints.angles:
         return with_readout(accuracy, step)
     return with_readout(
         Cause(

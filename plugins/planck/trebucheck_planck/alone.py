@@ -45,8 +45,7 @@ def run_alone(problem: Problem, options: PlanckOptions) -> Recording:
         UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.
     """
     spread, scene = _scene(problem, options)
-    found = PLANCK.run(_program(problem, options, spread, scene))
-    arrays = {name: np.array(values, dtype=np.float64) for name, values in found.items()}
+    arrays = PLANCK.arrays(_program(problem, options, spread, scene, binary=True))
     steps, joints = len(arrays["t"]) - 1, len(scene.joints)
     forces, pins = np.split(arrays["told"].reshape(steps, -1), [2 * joints], axis=1)
     stops, limited = _stops(problem, scene), [*_limits(problem, scene)]
@@ -100,7 +99,12 @@ def _limits(problem: Problem, scene: NodeScene) -> dict[int, Json]:
 
 
 def _program(
-    problem: Problem, options: PlanckOptions, spread: NoPointMasses, scene: NodeScene
+    problem: Problem,
+    options: PlanckOptions,
+    spread: NoPointMasses,
+    scene: NodeScene,
+    *,
+    binary: bool = False,
 ) -> str:
     limits, names = _limits(problem, scene), {index: name for name, index in scene.index.items()}
     joints: list[Json] = []
@@ -118,6 +122,7 @@ def _program(
         scene,
         problem,
         options.timestep,
+        binary=binary,
         options=options,
         slops={name: value for name, value in slops.items() if value != OWN_SLOPS[name]},
         gravity=np.array(scene.mechanism.gravity_vector) * MIRROR + 0.0,

@@ -37,8 +37,7 @@ def run_alone(problem: Problem, options: RapierOptions) -> Recording:
         UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.
     """
     spread, built = _built(problem, options)
-    found = RAPIER.run(_program(problem, options, spread, built))
-    arrays = {name: np.array(values, dtype=np.float64) for name, values in found.items()}
+    arrays = RAPIER.arrays(_program(problem, options, spread, built, binary=True))
     steps = BodySteps(problem, built, spread, arrays["t"], arrays["states"])
     recording = steps.recording(arrays["q"], arrays["u"])
     return replace(recording, release_times=releases(steps.samples, options.opening))
@@ -82,7 +81,14 @@ def limits_once(problem: Problem, built: Built) -> dict[int, tuple[float, float]
     return ranges
 
 
-def _program(problem: Problem, options: RapierOptions, spread: NoPointMasses, built: Built) -> str:
+def _program(
+    problem: Problem,
+    options: RapierOptions,
+    spread: NoPointMasses,
+    built: Built,
+    *,
+    binary: bool = False,
+) -> str:
     limits, joints = limits_once(problem, built), list[Json]()
     names = {index: name for name, index in built.index.items()}
     for index, joint in enumerate(built.joints):
@@ -93,6 +99,7 @@ def _program(problem: Problem, options: RapierOptions, spread: NoPointMasses, bu
         built,
         problem,
         options.timestep,
+        binary=binary,
         options=options,
         own=OWN,
         gravity=np.array(built.mechanism.gravity_vector) * MIRROR + 0.0,

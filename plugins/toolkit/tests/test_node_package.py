@@ -68,8 +68,14 @@ def test_what_programs_share_is_installed() -> None:
 def test_samples_are_what_the_program_writes_of_the_scene(package: NodePackage) -> None:
     samples = np.arange(6.0).reshape(3, 2) / 7
     scene = {"steps": 2, "bodies": ["arm"]}
-    (package.folder / "samples").write_bytes(samples.astype("<f8").tobytes())
-    program(package, "node", f"PATH={os.defpath}; cat > asked; echo $1 $2 >> asked; cat samples")
+    shape = json.dumps({"samples": samples.shape}).encode() + b"\n"
+    (package.folder / "samples").write_bytes(shape + samples.astype("<f8").tobytes())
+    # It does not end by itself: what it has written is enough.
+    program(
+        package,
+        "node",
+        f"PATH={os.defpath}; cat > asked; echo $1 $2 >> asked; cat samples; sleep 600",
+    )
     assert np.array_equal(package.move(scene), samples)
     text, command = (package.folder / "asked").read_text().split("}")
     assert json.loads(text + "}") == scene and command.split() == ["move.cjs", str(SCENE)]
@@ -78,4 +84,10 @@ def test_samples_are_what_the_program_writes_of_the_scene(package: NodePackage) 
 def test_a_program_that_fails_is_an_error_with_its_last_words(package: NodePackage) -> None:
     program(package, "node", "echo the cubes are gone >&2; exit 1")
     with pytest.raises(SimulationError, match="Cube 2D failed: the cubes are gone"):
+        package.move({"steps": 2})
+
+
+def test_a_program_that_ends_within_its_samples_is_an_error(package: NodePackage) -> None:
+    program(package, "node", """echo '{"samples": [3, 2]}'; echo out of cubes >&2; exit 1""")
+    with pytest.raises(SimulationError, match="Cube 2D failed: out of cubes"):
         package.move({"steps": 2})

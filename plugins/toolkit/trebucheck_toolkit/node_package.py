@@ -1,20 +1,23 @@
 """An engine that is a package of npm: its place, and the process of Node.js that runs it.
 
 The plug-in has a folder with `package.json`, which names the package and its version, and
-`move.cjs`, a program that reads a scene as JSON from standard input and writes its samples,
-little-endian float64, to standard output. Its first argument is the path of `node_scene.cjs`, what
-such programs share.
+`move.cjs`, a program that reads a scene as JSON from standard input and writes its samples to
+standard output: a line of JSON with the shape, then numbers, little-endian float64. Its first
+argument is the path of `node_scene.cjs`, what such programs share.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import subprocess
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
@@ -73,23 +76,71 @@ class NodePackage:
 
     def move(self, scene: Mapping[str, Any]) -> FloatArray:
         """Samples of a scene, shape (steps + 1, columns); SimulationError if the process fails."""
-        written = self._node("move.cjs", str(SCENE), text=json.dumps(scene))
-        return np.frombuffer(written, dtype="<f8").reshape(scene["steps"] + 1, -1)
+        return self._written("move.cjs", str(SCENE), text=json.dumps(scene))["samples"]
+
+    def arrays(self, program: str) -> dict[str, FloatArray]:
+        """Arrays that a module of ECMAScript writes; SimulationError if the process fails."""
+        return self._written("--input-type=module", "-", text=program)
 
     def run(self, program: str) -> dict[str, Any]:
         """What a module of ECMAScript prints as JSON; SimulationError if the process fails."""
-        return json.loads(self._node("--input-type=module", "-", text=program))
-
-    def _node(self, *arguments: str, text: str) -> bytes:
-        """Output of Node.js in the package's folder."""
         ended = subprocess.run(
-            ["node", *arguments],
+            ["node", "--input-type=module", "-"],
             cwd=self.folder,
-            input=text.encode(),
+            input=program.encode(),
             capture_output=True,
             check=False,
         )
         if ended.returncode:
-            complaint = ended.stderr.decode(errors="replace").strip()[-500:]
-            raise SimulationError(f"{self.title} failed: {complaint}")
-        return ended.stdout
+            raise self._failure(ended.stderr)
+        return json.loads(ended.stdout)
+
+    def _written(self, *arguments: str, text: str) -> dict[str, FloatArray]:
+        """Arrays that Node.js writes in the package's folder.
+
+        The process is ended once it has written them: at its end V8 waits for what it compiles
+        beside a run, which takes longer than most runs do.
+        """
+        with (
+            TemporaryFile() as complaints,
+            subprocess.Popen(
+                ["node", *arguments],
+                cwd=self.folder,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=complaints,
+            ) as process,
+        ):
+            assert process.stdin is not None  # it is a pipe, as is the output
+            assert process.stdout is not None
+            try:
+                with suppress(OSError), process.stdin as given:  # it may end without reading
+                    given.write(text.encode())
+                found = _arrays(process.stdout)
+                if found is None:
+                    process.wait()
+                    complaints.seek(0)
+                    raise self._failure(complaints.read())
+            finally:
+                process.kill()
+        return found
+
+    def _failure(self, complaint: bytes) -> SimulationError:
+        return SimulationError(
+            f"{self.title} failed: {complaint.decode(errors='replace').strip()[-500:]}"
+        )
+
+
+def _arrays(stream: IO[bytes]) -> dict[str, FloatArray] | None:
+    """Arrays by name: a line of JSON with their shapes, then numbers; None where it ends before."""
+    line = stream.readline()
+    if not line.endswith(b"\n"):
+        return None
+    found: dict[str, FloatArray] = {}
+    for name, shape in json.loads(line).items():
+        length = 8 * math.prod(shape)
+        numbers = stream.read(length)
+        if len(numbers) < length:
+            return None
+        found[name] = np.frombuffer(numbers, dtype="<f8").reshape(shape)
+    return found

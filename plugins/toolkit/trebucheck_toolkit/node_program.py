@@ -4,6 +4,7 @@ A program is an ECMAScript module. Save it as `run.mjs` in a folder with the eng
 and call `node run.mjs`: it prints JSON with `t` [s], `q` and `u`, the mechanism's coordinates and
 speeds in each sample, all digits of each number; beside them `states` of the bodies (x, y, angle
 and their rates) and what the engine has `told` of each step. :meth:`.NodePackage.run` does so.
+Where `binary` is asked for, the same arrays are written as :meth:`.NodePackage.arrays` reads them.
 
 An engine's own part is its template `alone.mjs.j2`, with functions
 
@@ -39,7 +40,13 @@ from .node_scene import MIRROR, NodeScene
 
 
 def node_program(
-    module: str, scene: NodeScene, problem: Problem, timestep: float, **values: Any
+    module: str,
+    scene: NodeScene,
+    problem: Problem,
+    timestep: float,
+    *,
+    binary: bool = False,
+    **values: Any,
 ) -> str:
     """The program of a run.
 
@@ -48,6 +55,7 @@ def node_program(
         scene: what is moved.
         problem: for its duration and force elements.
         timestep: [s].
+        binary: write arrays as bytes, not as JSON: long runs have millions of numbers.
         values: of the engine's part, which has `names` of the bodies and `text` besides.
     """
     mechanism = scene.mechanism
@@ -67,6 +75,7 @@ def node_program(
             if body.angle is not None
         ],
         slides=_slides(scene),
+        binary=binary,
         text=_text,
     )
 

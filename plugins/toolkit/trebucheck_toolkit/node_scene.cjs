@@ -1,8 +1,9 @@
 // What programs share that move a scene of node_scene.py: they read it as JSON from standard input and write samples to
-// standard output, little-endian float64, [sample][6 of each body: x, y, angle, vx, vy, speed; then what is told of the
-// step that begins there]. Every body stands at the angle 0 at the start and has its origin at its centre of mass; y
+// standard output: a line of JSON, { samples: shape }, and numbers, little-endian float64, [sample][6 of each body: x, y,
+// angle, vx, vy, speed; then what is told of the step that begins there]. Every body stands at the angle 0 at the start and has its origin at its centre of mass; y
 // points downwards.
 "use strict";
+const fs = require("fs");
 
 const vector = ([x, y]) => ({ x, y });
 
@@ -88,10 +89,17 @@ class Scene {
   }
 }
 
+// At once: what process.stdout is given may wait for what V8 compiles.
+function write(bytes) {
+  for (let at = 0; at < bytes.length;) at += fs.writeSync(1, bytes, at);
+}
+
 async function run(make) {
   try {
-    const scene = await make(JSON.parse(require("fs").readFileSync(0, "utf8")));
-    process.stdout.write(Buffer.from(scene.samples().buffer));
+    const scene = await make(JSON.parse(fs.readFileSync(0, "utf8")));
+    const samples = scene.samples(), rows = scene.given.steps + 1;
+    write(Buffer.from(JSON.stringify({ samples: [rows, samples.length / rows] }) + "\n"));
+    write(Buffer.from(samples.buffer));
   } catch (error) {
     console.error(String(error));
     process.exitCode = 1;
