@@ -219,6 +219,24 @@ def test_what_follows_the_step_does_so_in_a_diagnosis() -> None:
     assert budget.removal is not None and budget.removal.options.keys() == {"timestep", "solref"}
 
 
+def test_a_diagnosis_leaves_options_alone_that_do_nothing_to_the_mechanism() -> None:
+    """No run without stops is made with other assistance of stops, and none is a cause."""
+    made = tb.engine("exudyn", "settings")
+    of_stops = {
+        each.option
+        for each in made.assistance
+        if each.acts_on(tb.fixed()) and not each.acts_on(tb.model("pendulum"))
+    }
+    changed = {
+        mechanism.name: {
+            option for setting in _other_settings(made, mechanism) for option in setting.options
+        }
+        for mechanism in (tb.fixed(), tb.model("pendulum"))
+    }
+    assert of_stops & changed[tb.fixed().name]
+    assert not of_stops & changed["pendulum"]
+
+
 def test_two_settings_that_make_a_deviation_together_are_named_together() -> None:
     """Neither explains enough alone: the rule of a step, and where its solver stops."""
     solution = solve(tb.Problem(tb.catapult(), 0.5))

@@ -21,6 +21,7 @@ from trebucheck.engines.supplied import (
     all_by,
     by_part,
     concerned,
+    idle_options,
     own,
     sentence,
     stated,
@@ -122,3 +123,14 @@ def test_one_option_switches_off_all_that_it_supplies() -> None:
     assert all(each.options_without == {"mode": "step"} for each in by_mode)
     pendulum = tb.model("pendulum")
     assert by_part(each for each in by_mode if each.acts_on(pendulum)) == {Part.STEPS: ""}
+
+
+def test_an_option_is_idle_where_none_of_its_assistance_can_act() -> None:
+    """Beside the units of small mechanisms: corrections of points, and what is done of stops."""
+    of_size = {"scaled_units"}
+    assert idle_options(tb.engine("mujoco"), tb.fixed()) == of_size | {"moving_points"}
+    of_stops = {"own_limits", "stop_stiffness", "locate_releases"}
+    assert idle_options(tb.engine("exudyn"), tb.fixed()) == of_size | {"restarts"}
+    pendulum = tb.model("pendulum")
+    assert idle_options(tb.engine("exudyn"), pendulum) == of_size | of_stops | {"restarts"}
+    assert not idle_options(tb.engine("reference"), tb.fixed())  # it states none
