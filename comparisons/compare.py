@@ -31,6 +31,7 @@ from .diagnosis.rerun import Rerun
 from .report.document import format_number
 from .runs.process import OnDemand, Worker, in_order, simulate
 from .runs.record import (
+    TIMED_FOR,
     EngineRuns,
     RunErrors,
     RunRecord,
@@ -147,13 +148,14 @@ class MachineRuns:
             record = record.model_copy(update={"trajectory": digest(path) or ""})
             self.store.keep_record(path.stem, record, made_by)
         if self._sweeps and run.outcome in COMPARED:
-            run = run.model_copy(update={"sweep": tuple(self._swept(engine))})
+            run = run.model_copy(update={"sweep": tuple(self._swept(engine, record))})
         return FinishedRun(record, run, motion, errors, taken)
 
-    def _swept(self, made: Engine) -> list[WorkPoint]:
+    def _swept(self, made: Engine, run: RunRecord) -> list[WorkPoint]:
         """Cost and errors at the step and at longer ones, until the error says nothing any more.
 
-        Where the run is off by more than a thousandth of its way, at shorter ones as well.
+        Where the run is off by more than a thousandth of its way, at shorter ones as well. The run
+        itself is one of them if it took long enough to be timed once.
         """
         step, longest = made.timestep, _LONGEST_STEP * self.machine.judged_to
         if step is None:
@@ -161,10 +163,15 @@ class MachineRuns:
         runs, points = EngineRuns(self.runner, self.store, curves=False), list[WorkPoint]()
         way, took = self.machine.scales.way, [0.0]
 
+        def recorded(factor: float) -> RunRecord:
+            if factor == 1.0 and run.position is not None and sum(run.wall_times) >= TIMED_FOR:
+                return run
+            options = {**made.settings, "timestep": float(f"{factor * step:.10g}")}
+            return runs.record(make_engine(made.name, made.preset, **options), _TIMED)
+
         def measured(factor: float) -> float:
             """Position error at this part of the step, in parts of the way; infinite if none."""
-            options = {**made.settings, "timestep": float(f"{factor * step:.10g}")}
-            record = runs.record(make_engine(made.name, made.preset, **options), _TIMED)
+            record = recorded(factor)
             if record.ran:
                 points.append(record.work)
                 took.append(record.wall_times[0])
@@ -228,7 +235,9 @@ class MachineRuns:
     def _diagnosis(self, run: Run, trajectory: Trajectory, engine: Engine) -> Diagnosis:
         """Made in a process: it solves and runs many changed mechanisms."""
         motions = trajectory, self.runner.solution, self.runner.end
-        rerun = Rerun(engine, simulate, self._finest(engine))
+        # One run may take longer than is foreseen: the other half of the time is left for it.
+        allowed = self.runner.worker.timeout / 2
+        rerun = Rerun(engine, simulate, self._finest(engine), allowed)
         diagnose = partial(diagnose_motion, run.broken, *motions, rerun)
         try:
             return self.runner.worker.compute(diagnose, "the diagnosis")

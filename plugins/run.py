@@ -44,6 +44,8 @@ MACHINES: Mapping[str, Batch] = {
     "machines": Batch(("fixed", "rolling"), ("--sweep",)),
 }
 """With work and precision at several steps on the machines; of all problems it would take hours."""
+COMPILED = frozenset({"mjx"})
+"""Compiled anew for half a minute at each step: no work and precision of these."""
 SWEPT: Mapping[str, Batch] = {"free-swing": MACHINES["free-swing"], "fixed": Batch(("fixed",))}
 
 
@@ -189,6 +191,8 @@ class Plugin:
         command = self.trebucheck(
             study, "--engines", self.name, "--models", ",".join(batch.problems), *batch.arguments
         )
+        if self.name in COMPILED and "--sweep" in command:
+            command.remove("--sweep")
         command += ["--knobs", "timestep"] if study == "converge" else []
         command += ["--no-diagnose"] if study == "compare" and not self.diagnose else []
         command += ["--resume", "--timeout", f"{self.budget:g}", "--quiet", "--out", str(out)]

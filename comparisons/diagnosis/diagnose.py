@@ -213,6 +213,7 @@ def diagnose_motion(
         causes=causes,
         likeliest=likeliest,
         motion_agrees=agrees,
+        left_out=0 if rerun is None else rerun.time.left_out,
     )
 
 

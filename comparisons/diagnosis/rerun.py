@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
+from time import perf_counter
 from typing import Self
 
 import numpy as np
@@ -61,6 +62,28 @@ class _Setting:
         return _shown(self.name, self.amount, explained)
 
 
+@dataclass
+class _Time:
+    """Time that runs of a diagnosis take, of what they may take together."""
+
+    allowed: float  # [s]
+    spent: float = 0.0  # [s]
+    of_step: float = 0.0  # least that a step has taken [s]: what a run takes at the least
+    left_out: int = 0
+    """Runs that were not made, as they would have taken more than is left."""
+
+    def suffices(self, steps: float) -> bool:
+        """Tell whether there is time for a run of so many steps; one more is left out if not."""
+        suffices = self.spent + steps * self.of_step <= self.allowed
+        self.left_out += not suffices
+        return suffices
+
+    def add(self, steps: float, seconds: float) -> None:
+        """Count a run."""
+        self.spent += seconds
+        self.of_step = min(self.of_step or math.inf, seconds / max(1.0, steps))
+
+
 @dataclass(frozen=True)
 class Rerun:
     """An engine with its options, and how it is run again with other ones."""
@@ -70,10 +93,16 @@ class Rerun:
     finest: float | None = None
     """Step of the preset `settings` on this problem [s]; None: not known, or not beyond this one's.
     """
+    allowed: float = math.inf
+    """Longest that runs with other settings may take together [s]."""
     kept: dict[str, FloatArray | None] = field(
         default_factory=dict[str, "FloatArray | None"], compare=False, repr=False
     )
     """Deviations of runs with other settings, by the settings: some are asked for twice."""
+    time: _Time = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", _Time(self.allowed))
 
     def causes(self, case: Case) -> Iterator[RankedCause]:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
@@ -242,9 +271,16 @@ class Rerun:
         law, duration = case.solution.problem.stop_law, case.whole.provenance.duration
         problem = Problem(case.mechanism, duration=duration, stop_law=law)
         try:
-            return case.carried(self.simulate(with_options(self.engine, options), problem))
+            engine = with_options(self.engine, options)
+            steps = problem.duration / (engine.timestep or problem.duration)
+            if not self.time.suffices(steps):
+                return None
+            begun = perf_counter()
+            left = case.carried(self.simulate(engine, problem))
+            self.time.add(steps, perf_counter() - begun)
         except TrebucheckError:
             return None
+        return left
 
 
 def _beside_the_step(before: FloatArray, left: FloatArray, ratio: float) -> float:

@@ -58,8 +58,8 @@ from .tolerances import Needs, is_table_one, judge
 from .work import largest_errors
 
 GRID = 1000  # intervals of the common grid
-# Wall time [s] after which no repeat is made: a long run averages over disturbances by itself.
-_TIMED_FOR = 0.5
+TIMED_FOR = 0.5
+"""Wall time [s] after which no repeat is made: a long run averages over disturbances by itself."""
 Positions = dict[str, tuple[tuple[Real, ...], tuple[Real, ...]]]
 
 
@@ -355,7 +355,7 @@ class EngineRuns:
                 while (
                     record.ran
                     and len(record.wall_times) < repeats
-                    and sum(record.wall_times) < _TIMED_FOR
+                    and sum(record.wall_times) < TIMED_FOR
                 ):
                     record = record.timed_again(self.runner.simulate(engine, given))
             if store is not None and record is not known:

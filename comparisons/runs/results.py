@@ -273,6 +273,9 @@ class Diagnosis(Spec):
     )
     motion_agrees: bool = Field(default=False, description="only what is read from it differs")
     note: str = optional("", "why no cause was looked for; what leads is then what is worst")
+    left_out: Annotated[int, Field(ge=0)] = optional(
+        0, "runs with other settings that were not made, as they would have taken too long"
+    )
 
     @property
     def named(self) -> tuple[RankedCause, ...]:

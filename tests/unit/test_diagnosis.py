@@ -257,6 +257,29 @@ def test_two_settings_that_make_a_deviation_together_are_named_together() -> Non
     assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
 
 
+def test_runs_that_would_take_too_long_are_left_out_and_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By a clock on which a step takes a second."""
+    solution = solve(tb.Problem(tb.catapult(), 0.5))
+    t, clock = np.linspace(0.0, 0.5, 101), [0.0]
+    monkeypatch.setattr(rerunning, "perf_counter", lambda: clock[0])
+
+    def simulate(engine: tb.Engine, problem: tb.Problem) -> tb.Trajectory:
+        assert engine.timestep is not None
+        clock[0] += problem.duration / engine.timestep
+        exact = solution.trajectory(t)
+        return dataclasses.replace(exact, q=exact.q + 1e-3 * np.sin(4 * np.pi * t)[:, None])
+
+    engine = MujocoEngine.presets()["default"]()
+    case = Case(simulate(engine, solution.problem), solution, 0.5)
+    for allowed in (math.inf, 2000.0, 0.0):
+        clock[0], rerun = 0.0, Rerun(engine, simulate, allowed=allowed)
+        assert not [cause for cause in rerun.causes(case) if cause.explained > 0.5]
+        assert clock[0] <= max(allowed, 250.0)  # the first run is made, whatever it takes
+        assert bool(rerun.time.left_out) == (allowed < math.inf)
+
+
 @pytest.mark.parametrize("least", [1.0, 1 / 8])
 def test_options_that_harm_alone_are_set_together_as_the_next_preset_has_them(least: float) -> None:
     """Stiff limits, felt early, by RK4: each of them alone makes it worse; and perhaps the step."""

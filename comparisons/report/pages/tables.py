@@ -120,7 +120,15 @@ def diagnosis(run: Measured) -> list[str]:
             "Cause unknown. No suspect accounts for enough of it, and clearly more than others: "
             f"{shares}."
         )
+    if diagnosed.left_out:
+        likeliest += f" {_not_made(diagnosed.left_out)}."
     return [f"differs from the reference {when}, first in {diagnosed.leads}.{only} {likeliest}"]
+
+
+def _not_made(runs: int) -> str:
+    """That runs with other settings are missing."""
+    number = "1 run" if runs == 1 else f"{runs} runs"
+    return f"{number} with other settings would have taken too long, so that causes may be missing"
 
 
 def _amount(cause: RankedCause) -> str:
