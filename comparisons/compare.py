@@ -67,6 +67,8 @@ _LOST = 0.1  # position error in parts of the way beyond which longer steps tell
 _LONGEST_STEP = 0.05  # of the compared time
 _LONG = 5.0  # [s] a run at half the step of one that took longer is not made
 _TIMED = 3  # repeats, fewer where runs are long
+_LEAST_SEARCH = 10.0  # [s] that runs with other settings may take where runs are short
+_SEARCH = 10.0  # times a run's own time, where they are longer
 
 
 @dataclass(frozen=True)
@@ -236,7 +238,8 @@ class MachineRuns:
         """Made in a process: it solves and runs many changed mechanisms."""
         motions = trajectory, self.runner.solution, self.runner.end
         # One run may take longer than is foreseen: the other half of the time is left for it.
-        allowed = self.runner.worker.timeout / 2
+        allowed = max(_LEAST_SEARCH, _SEARCH * (run.wall_time or 0.0))
+        allowed = min(allowed, self.runner.worker.timeout / 2)
         rerun = Rerun(engine, simulate, self._finest(engine), allowed)
         diagnose = partial(diagnose_motion, run.broken, *motions, rerun)
         try:

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -141,6 +142,20 @@ def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
     return Onset(first, onsets[first], active_contacts_at(c.solution, onsets[first]))
 
 
+def first_violation(c: AlignedRun, violated: Iterable[Metric]) -> float | None:
+    """Time when a coordinate or a point exceeds its tolerance [s]; None where none does.
+
+    It is the tolerance of the whole motion, which :func:`find_onset` takes a share of.
+    """
+    times: list[float] = []
+    for metric in violated:
+        if metric.name in _CARRIED_ON and metric.tolerance is not None:
+            series, name = _CARRIED_ON[metric.name], metric.subject or ""
+            distance = c.distance(series(c.trajectory, name), series(c.reference, name))
+            times += c.t[~(distance <= metric.tolerance) & c.smooth][:1].tolist()
+    return min(times, default=None)
+
+
 def active_contacts_at(solution: Solution, t: float) -> tuple[str, ...]:
     """Stops that are active in the reference at t [s]."""
     return next((s.closed for s in solution.segments if s.start <= t <= s.end), ())
@@ -168,6 +183,9 @@ _CORRECTIONS = 4  # of a size that has no linear effect
 _MISREAD = 0.01
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 _MISSING = "missing_time"
+_BEYOND = 2.0  # times the time to the first violation
+_FEW_TIMES = 5.0  # characteristic times that are always looked at: the paper's motions last less
+_MOST = 0.8  # of a motion; one that is looked at for longer is looked at to its end
 _STATE_METRICS = frozenset(_COORDINATES)
 _POINT_METRICS = frozenset(_POINTS)
 _FORCES = frozenset({Kind.TORQUE, Kind.FORCE})
@@ -196,9 +214,13 @@ def diagnose_motion(
             (:class:`..runs.quantities.Quantity`); None: all that it has.
     """
     case = Case(trajectory, solution, end, frozenset(metric.name for metric in broken), told)
-    onset = find_onset(against(trajectory, solution, end), broken)
+    aligned, to, shown = against(trajectory, solution, end), end, None
+    onset = find_onset(aligned, broken)
     if case.can_be_read:
-        causes, likeliest = _ranked_causes(case, rerun)
+        if rerun is not None:
+            to = _end_of_reruns(aligned, broken)
+            shown = partial(rerun.causes, replace(case, end=to))
+        causes, likeliest = _ranked_causes(case, shown)
         # The motion follows the reference; where forces deviate, only if they are misread.
         named = causes[:likeliest]
         misread = bool(named) and all(cause.kind == "reading" for cause in named)
@@ -213,8 +235,22 @@ def diagnose_motion(
         causes=causes,
         likeliest=likeliest,
         motion_agrees=agrees,
+        reruns_to=to if to < end else None,
         left_out=0 if rerun is None else rerun.time.left_out,
     )
+
+
+def _end_of_reruns(c: AlignedRun, broken: Sequence[Metric]) -> float:
+    """End of the motion for which the engine is run with other settings [s].
+
+    It is twice the time to the first violation: what the error grows to later on costs most of a
+    run, and hides what made it. Motions of a few characteristic times are run to their end.
+    """
+    violation = first_violation(c, broken)
+    if violation is None:
+        return c.end
+    to = max(_BEYOND * violation, _FEW_TIMES * c.scales.time)
+    return to if to < _MOST * c.end else c.end
 
 
 def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
@@ -223,7 +259,9 @@ def failed_diagnosis(broken: Sequence[Metric], error: Exception) -> Diagnosis:
     return Diagnosis(leads=worst.label, note=failure(error)[1].removesuffix("."))
 
 
-def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, ...], int]:
+def _ranked_causes(
+    case: Case, reruns: Callable[[], Iterable[RankedCause]] | None
+) -> tuple[tuple[RankedCause, ...], int]:
     """Suspects, kind after kind; the next kind only if the last explains too little.
 
     Mistakes of reading cost next to nothing. Where the motion deviates, the engine is then run with
@@ -233,19 +271,24 @@ def _ranked_causes(case: Case, rerun: Rerun | None) -> tuple[tuple[RankedCause, 
     are looked for only where no run takes out enough. Where no coordinate and no point exceeds its
     tolerance, or nothing moves, they come first: other settings change the little that a right
     motion deviates, whatever is wrong beside it.
+
+    Args:
+        case: the deviation.
+        reruns: makes the runs with other settings, and tells what they show; None: there is no
+            engine.
     """
     readings = [*_outright_causes(case), *_reading_causes(case)]
     is_still = any(c.name == NO_MOTION and c.explained >= SUFFICIENT for c in readings)
-    if rerun is not None and not is_still and case.broken & (_STATE_METRICS | _POINT_METRICS):
-        shown = list(rerun.causes(case))
+    if reruns is not None and not is_still and case.broken & (_STATE_METRICS | _POINT_METRICS):
+        shown = list(reruns())
         if any(cause.explained >= SUFFICIENT for cause in shown):
             return ranked_with_parts([*readings, *shown])
         causes = [*_with_suspects(case, readings, is_still), *shown]
     else:
         causes = _with_suspects(case, readings, is_still)
         is_explained = ranked(causes)[1] and (is_still or _motion_agrees(case))
-        if rerun is not None and not is_explained:
-            causes += rerun.causes(case)
+        if reruns is not None and not is_explained:
+            causes += reruns()
     if not ranked(causes)[1] and _motion_agrees(case) and not _forces_deviate(case):
         # Quantities that are read wrongly in a way that no suspect has.
         wrong = [quantity for quantity, share in case.shares.items() if share > _MISREAD]

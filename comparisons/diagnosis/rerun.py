@@ -24,6 +24,7 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 from ..runs.results import RankedCause
+from ..runs.runner import run_duration
 from .case import Case, share_of
 from .rank import MOST_OF_IT, SAME, SUFFICIENT
 
@@ -31,6 +32,7 @@ Simulate = Callable[[Engine, Problem], Trajectory]
 
 _STEP = "timestep"
 _HALVINGS = 3  # of a step: an eighth leaves an eighth of a first-order error
+_MANY_STEPS = 50_000  # of a run: more than the paper's machines take with any preset
 _TRIED = 2  # of them, after which a step that takes out next to nothing is given up
 _ROUNDING = 1e-9  # of a deviation: what changes it by less changes nothing
 _NO_PART = 0.1  # share that is next to nothing
@@ -68,20 +70,35 @@ class _Time:
 
     allowed: float  # [s]
     spent: float = 0.0  # [s]
-    of_step: float = 0.0  # least that a step has taken [s]: what a run takes at the least
     left_out: int = 0
     """Runs that were not made, as they would have taken more than is left."""
+    _of_steps: list[tuple[Options, float]] = field(default_factory=list[tuple[Options, float]])
+    """Options but for the step, and what a step took with them [s]."""
 
-    def suffices(self, steps: float) -> bool:
-        """Tell whether there is time for a run of so many steps; one more is left out if not."""
-        suffices = self.spent + steps * self.of_step <= self.allowed
+    def suffices(self, options: Options, steps: float) -> bool:
+        """Tell whether there is time for a run of so many steps; one more is left out if not.
+
+        A step takes what it took with a part of these options, at the least. What it takes with
+        options that were not tried is not known: one such run may take longer than is left.
+        """
+        known = [
+            seconds
+            for part, seconds in self._of_steps
+            if part.items() <= _but_step(options).items()
+        ]
+        least = min((seconds for _, seconds in self._of_steps), default=0.0)
+        suffices = self.spent + steps * max(known, default=least) <= self.allowed
         self.left_out += not suffices
         return suffices
 
-    def add(self, steps: float, seconds: float) -> None:
+    def add(self, options: Options, steps: float, seconds: float) -> None:
         """Count a run."""
         self.spent += seconds
-        self.of_step = min(self.of_step or math.inf, seconds / max(1.0, steps))
+        self._of_steps.append((_but_step(options), seconds / max(1.0, steps)))
+
+
+def _but_step(options: Options) -> Options:
+    return {name: value for name, value in options.items() if name != _STEP}
 
 
 @dataclass(frozen=True)
@@ -109,15 +126,39 @@ class Rerun:
 
         Where none does alone, what explains most is taken out with each of the others, and so on.
         The step comes after the other causes, as shorter ones cost more. Where one takes out all of
-        it, no other is looked for.
+        it, no other is looked for. Of a run of many steps the step is asked for first, and nothing
+        else where it and rounding make half of the deviation or more: iterations without end and
+        assistance take ten times as long.
         """
         if not case.deviation.any():  # what is there is right, and the rest is missing
             return
-        most, best = 0.0, None
         removals = sorted(_other_settings(self.engine, case.mechanism), key=_costs)
+        if self._is_long(case):
+            of_steps = list(self._of_steps(case, removals))
+            if any(cause.explained >= MOST_OF_IT for cause in of_steps):
+                yield from of_steps
+                return
+        yield from self._of_settings(case, removals)
+
+    def _is_long(self, case: Case) -> bool:
+        """Tell whether it is a run of many steps."""
+        return case.end > _MANY_STEPS * (self.engine.timestep or math.inf)
+
+    def _of_steps(self, case: Case, removals: Sequence[_Setting]) -> Iterator[RankedCause]:
+        """The step, and rounding beside it."""
+        for removal in removals:
+            if _STEP in removal.options:
+                cause, _ = self._without_the_step(case, removal)
+                yield cause
+                if cause.explained < SUFFICIENT:
+                    yield from self._of_rounding(case, removals)
+
+    def _of_settings(self, case: Case, removals: Sequence[_Setting]) -> Iterator[RankedCause]:
+        """All causes of the budget, and other options."""
+        most, best = 0.0, None
         settings: list[_Setting] = []
         for removal in removals:
-            if most >= SAME:
+            if most >= (SAME if removal.of_budget else SUFFICIENT):
                 return
             cause, setting = self._alone(case, removal)
             settings.append(setting)
@@ -151,8 +192,7 @@ class Rerun:
     def _of_rounding(self, case: Case, settings: Sequence[_Setting]) -> Iterator[RankedCause]:
         """Rounding to single precision, by runs at other steps; in double precision none shows."""
         step, of_step = self.engine.timestep, [each for each in settings if _STEP in each.options]
-        is_single = engine_study(self.engine.name).single_precision(self.engine.settings)
-        if not (step and of_step and is_single):
+        if not (step and of_step and self._is_single):
             return
 
         def at(other: float) -> FloatArray | None:
@@ -229,7 +269,7 @@ class Rerun:
         size = float(np.linalg.norm(case.deviation))
         cause, nearest, least = setting.cause(0.0), setting, math.inf
         longer, before = self.engine.timestep or math.inf, case.deviation
-        halves, beyond = self._shorter_steps()
+        halves, beyond = self._shorter_steps(case)
         for i, step in enumerate((*halves, *beyond)):
             if _TRIED <= i < len(halves) and cause.explained < _NO_PART:
                 continue
@@ -247,15 +287,29 @@ class Rerun:
                 cause = replace(tried, amount=f"{tried.amount}{order}").cause(explained)
             if explained >= SUFFICIENT:
                 break
+            if self._is_at_rounding and length > float(np.linalg.norm(before)):
+                break  # shorter steps make it larger
             longer, before = step, left
         return cause, nearest
 
-    def _shorter_steps(self) -> tuple[list[float], list[float]]:
+    @property
+    def _is_at_rounding(self) -> bool:
+        """Whether steps are as short as the preset `settings` has them in single precision."""
+        is_longer = self.finest is not None and self.finest < (self.engine.timestep or 0.0)
+        return self._is_single and not is_longer
+
+    @property
+    def _is_single(self) -> bool:
+        return engine_study(self.engine.name).single_precision(self.engine.settings)
+
+    def _shorter_steps(self, case: Case) -> tuple[list[float], list[float]]:
         """Steps to try [s]: halves, and that of the next preset if it is shorter yet."""
-        step = self.engine.timestep
+        step, halvings = self.engine.timestep, _HALVINGS
         if not step:
             return [], []
-        halves = [step / 2**halved for halved in range(1, _HALVINGS + 1)]
+        if self._is_long(case):
+            halvings = 1 if self._is_at_rounding else _TRIED
+        halves = [step / 2**halved for halved in range(1, halvings + 1)]
         if self.finest is None or self.finest >= halves[-1]:
             return halves, []
         return halves, [self.finest, self.finest / 2]
@@ -269,15 +323,16 @@ class Rerun:
 
     def _run(self, case: Case, options: Options) -> FloatArray | None:
         law, duration = case.solution.problem.stop_law, case.whole.provenance.duration
+        duration = min(duration, run_duration(case.end, self.engine.timestep or 0.0))
         problem = Problem(case.mechanism, duration=duration, stop_law=law)
         try:
             engine = with_options(self.engine, options)
             steps = problem.duration / (engine.timestep or problem.duration)
-            if not self.time.suffices(steps):
+            if not self.time.suffices(options, steps):
                 return None
             begun = perf_counter()
             left = case.carried(self.simulate(engine, problem))
-            self.time.add(steps, perf_counter() - begun)
+            self.time.add(options, steps, perf_counter() - begun)
         except TrebucheckError:
             return None
         return left
@@ -414,10 +469,10 @@ def rounding_causes(
         step: [s].
         run: deviation of the engine at another step [s]; None where it cannot be run.
     """
+    of_step, order = _error_of_step(deviation, run(2 * step), run(4 * step))
     noise = _noise(deviation, [run(factor * step) for factor in _ALIKE])
     if noise is None:
         return
-    of_step, order = _error_of_step(deviation, run(2 * step), run(4 * step))
     half = run(step / 2)
     growing, power = np.zeros_like(deviation), 0
     if half is not None:

@@ -273,6 +273,11 @@ class Diagnosis(Spec):
     )
     motion_agrees: bool = Field(default=False, description="only what is read from it differs")
     note: str = optional("", "why no cause was looked for; what leads is then what is worst")
+    reruns_to: Real | None = optional(
+        None,
+        "end of the motion for which the engine was run with other settings [s], where it is not "
+        "the end of all: twice the time to the first violation",
+    )
     left_out: Annotated[int, Field(ge=0)] = optional(
         0, "runs with other settings that were not made, as they would have taken too long"
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -255,6 +256,52 @@ def test_two_settings_that_make_a_deviation_together_are_named_together() -> Non
     # What sin^2 leaves of the sum of 2 and 1: alone 1 and 2 of their root of 5.
     assert explained["integrator"] == pytest.approx(1 - 1 / math.sqrt(5), abs=0.02)
     assert explained["integrator, solver tolerance"] == pytest.approx(1.0)
+
+
+def test_of_a_run_of_many_steps_the_step_is_asked_for_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And nothing else where it makes half of the deviation; where it does not, all else is."""
+    solution = solve(tb.Problem(tb.catapult(), 0.5))
+    t, engine = np.linspace(0.0, 0.5, 101), MujocoEngine.presets()["default"]()
+    monkeypatch.setattr(rerunning, "_MANY_STEPS", 100)
+    asked: list[set[str]] = []
+
+    def simulate(order: int, made: tb.Engine, _: tb.Problem) -> tb.Trajectory:
+        assert made.timestep is not None
+        asked.append({name for name, value in made.settings.items() if value != own[name]})
+        error = 1e-3 * (made.timestep / 2e-3) ** order * np.sin(4 * np.pi * t)
+        exact = solution.trajectory(t)
+        return dataclasses.replace(exact, q=exact.q + error[:, None])
+
+    own = engine.settings
+    case = Case(simulate(0, engine, solution.problem), solution, 0.5)
+    for order in (1, 0):
+        asked.clear()
+        rerun = Rerun(engine, partial(simulate, order))
+        found = [cause for cause in rerun.causes(case) if cause.explained > 0.5]
+        assert asked[0] == {"timestep"}
+        assert bool(found) == (asked == [{"timestep"}]) == (order == 1)
+
+
+def test_the_engine_is_run_again_to_twice_the_first_violation() -> None:
+    """Of a motion of many characteristic times; one of a few is run to its end."""
+    solution = solve(tb.Problem(tb.model("pendulum"), 10.0))
+    exact = solution.trajectory(np.linspace(0.0, 10.0, 2001))
+    drift = dataclasses.replace(exact, q=exact.q + 1e-3 * exact.t[:, None])
+    time = against(drift, solution, 10.0).scales.time
+    for tolerance, end, to in (
+        (3e-3, 10.0, 6.0),
+        (1e-3, 10.0, max(2.0, 5 * time)),
+        (6e-3, 10.0, 10.0),  # twice that is past the end
+        (1e-4, 4 * time, 4 * time),
+    ):
+        angle = exact.mechanism.coordinates[0]
+        broken = Metric(name="angle_max", subject=angle, value=1.0, unit="rad", tolerance=tolerance)
+        aligned = against(drift, solution, end)
+        assert diagnosing._end_of_reruns(aligned, [broken]) == pytest.approx(to, abs=0.02)
+    of_force = Metric(name="joint_reaction_max", subject="a", value=1.0, unit="N", tolerance=0.1)
+    assert diagnosing._end_of_reruns(against(drift, solution, 10.0), [of_force]) == 10.0
 
 
 def test_runs_that_would_take_too_long_are_left_out_and_counted(
@@ -765,8 +812,7 @@ def _asked(
     deviate = {Quantity(kind): share for kind, share in kinds.items()}
     broken = frozenset[str]() if agrees else frozenset({"angle_max"})
     case: Any = SimpleNamespace(told=told, mechanism=None, shares=deviate, broken=broken)
-    again: Any = SimpleNamespace(causes=lambda _: suspect("again")) if rerun else None
-    listed, named = diagnosing._ranked_causes(case, again)
+    listed, named = diagnosing._ranked_causes(case, partial(suspect, "again") if rerun else None)
     return asked, {cause.name: cause.explained for cause in listed}, named
 
 
@@ -864,7 +910,7 @@ def _removed(monkeypatch: pytest.MonkeyPatch, **left: float | None) -> dict[str,
 
     monkeypatch.setattr(rerunning, "_other_settings", lambda *_: settings)
     monkeypatch.setattr(Rerun, "_left", remaining)
-    case: Any = SimpleNamespace(deviation=np.array([6.0, 8.0]), mechanism=None)
+    case: Any = SimpleNamespace(deviation=np.array([6.0, 8.0]), mechanism=None, end=1.0)
     causes = Rerun(tb.engine("reference"), lambda *_: None).causes(case)  # type: ignore[arg-type]
     found = [("".join(sorted(cause.name.split(", "))), cause.explained) for cause in causes]
     assert len(dict(found)) == len(found)

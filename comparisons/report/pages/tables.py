@@ -120,6 +120,8 @@ def diagnosis(run: Measured) -> list[str]:
             "Cause unknown. No suspect accounts for enough of it, and clearly more than others: "
             f"{shares}."
         )
+    if diagnosed.reruns_to is not None and any(cause.confirmed for cause in diagnosed.named):
+        likeliest += f" Runs with other settings were compared up to {diagnosed.reruns_to:.4g} s."
     if diagnosed.left_out:
         likeliest += f" {_not_made(diagnosed.left_out)}."
     return [f"differs from the reference {when}, first in {diagnosed.leads}.{only} {likeliest}"]
