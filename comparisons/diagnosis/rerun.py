@@ -327,15 +327,18 @@ class Rerun:
         problem = Problem(case.mechanism, duration=duration, stop_law=law)
         try:
             engine = with_options(self.engine, options)
-            steps = problem.duration / (engine.timestep or problem.duration)
-            if not self.time.suffices(options, steps):
-                return None
-            begun = perf_counter()
-            left = case.carried(self.simulate(engine, problem))
-            self.time.add(options, steps, perf_counter() - begun)
         except TrebucheckError:
             return None
-        return left
+        steps = problem.duration / (engine.timestep or problem.duration)
+        if not self.time.suffices(options, steps):
+            return None
+        begun = perf_counter()
+        try:
+            return case.carried(self.simulate(engine, problem))
+        except TrebucheckError:
+            return None
+        finally:
+            self.time.add(options, steps, perf_counter() - begun)
 
 
 def _beside_the_step(before: FloatArray, left: FloatArray, ratio: float) -> float:
