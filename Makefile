@@ -5,7 +5,7 @@
 # make all      set up all distributions here: core, paper, environments, importers, toolkit
 # make quick    the fast tier: no engine simulates (under a minute)
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
-# make results  the built-in engines on all problems: docs/results/*.json (an hour)
+# make results  the built-in engines on all problems: docs/results/*.json (an hour or two; it resumes)
 # make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
 # make mujoco3  the MuJoCo adapter and the files on the least MuJoCo that is supported
 # make docs     the documentation as a site, in site/
@@ -104,4 +104,4 @@ mujoco3:
 		tests/agreement/test_zoo.py tests/agreement/test_mjcf_models.py tests/unit/test_mjcf_writer.py
 
 clean:
-	rm -rf $(VENV) .plugins .importers .mujoco3 build report site *.egg-info
+	rm -rf $(VENV) .plugins .results .importers .mujoco3 build report site *.egg-info

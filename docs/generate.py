@@ -22,7 +22,7 @@ import trebucheck as tb
 import typer
 from executed import refresh_notebook, refresh_page
 from trebucheck.cli.app import app
-from trebucheck.comparisons.compare import Comparison
+from trebucheck.comparisons.compare import Comparison, RunKey
 from trebucheck.comparisons.converge import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
@@ -45,6 +45,7 @@ from trebucheck.comparisons.runs.process import Worker, simulate
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.comparisons.runs.runner import motion_of
 from trebucheck.comparisons.runs.scales import scales_until
+from trebucheck.comparisons.runs.store import Store
 from trebucheck.comparisons.runs.stretching import stretching_until
 from trebucheck.conformance.verdicts import Conformance
 from trebucheck.engines.presets import ASSISTED, PRESETS
@@ -259,14 +260,22 @@ def write_commands() -> None:
 def write_results() -> None:
     """Run the built-in engines on the paper's machines and all problems for the matrix (1 h).
 
-    `COMMIT` in the environment names the sources that the results are kept with.
+    `COMMIT` in the environment names the sources that the results are kept with. Finished runs are
+    kept in `.results`: one that was interrupted goes on with those that are missing.
     """
+
+    def progress(run: RunKey, made: int, of: int) -> None:
+        print(f"{run.engine} {run.preset}, {run.model}: {made + 1} of {of}", flush=True)
+
     commit = os.environ.get("COMMIT", "unknown")
     models = ["fixed", "rolling", *(entry.name for entry in benchmarks())]
     today = datetime.now(UTC).date().isoformat()
     folder = ROOT / "docs" / "results"
     for name in _STEPS:
-        found = distilled(tb.compare(models, [name], sweep=True).results, today)
+        kept = ROOT / ".results" / name
+        store = Store(kept / "trajectories", resume=True, records=kept / "runs")
+        compared = tb.compare(models, [name], sweep=True, store=store, progress=progress)
+        found = distilled(compared.results, today)
         swept = tb.converge("fixed", [name], knobs=["timestep"])
         found = found.model_copy(update={"orders": tuple(orders_of(swept))})
         (folder / f"{name}.json").write_text(found.of_commit(commit).to_json() + "\n")
