@@ -27,11 +27,10 @@ from ..models.spec import Spec
 from ..models.trajectory import Trajectory, load
 from ..reference.solution import Solution
 from .diagnosis.diagnose import check_and_diagnose, diagnose_motion, failed_diagnosis
-from .diagnosis.rerun import Rerun
+from .diagnosis.rerun import Rerun, SearchTime
 from .report.document import format_number
 from .runs.process import OnDemand, Worker, in_order, simulate
 from .runs.record import (
-    TIMED_FOR,
     EngineRuns,
     RunErrors,
     RunRecord,
@@ -166,7 +165,7 @@ class MachineRuns:
         way, took = self.machine.scales.way, [0.0]
 
         def recorded(factor: float) -> RunRecord:
-            if factor == 1.0 and run.position is not None and sum(run.wall_times) >= TIMED_FOR:
+            if factor == 1.0 and run.position is not None and run.is_timed:
                 return run
             options = {**made.settings, "timestep": float(f"{factor * step:.10g}")}
             return runs.record(make_engine(made.name, made.preset, **options), _TIMED)
@@ -240,7 +239,7 @@ class MachineRuns:
         # One run may take longer than is foreseen: the other half of the time is left for it.
         allowed = max(_LEAST_SEARCH, _SEARCH * (run.wall_time or 0.0))
         allowed = min(allowed, self.runner.worker.timeout / 2)
-        rerun = Rerun(engine, simulate, self._finest(engine), allowed)
+        rerun = Rerun(engine, simulate, self._finest(engine), SearchTime(allowed))
         diagnose = partial(diagnose_motion, run.broken, *motions, rerun)
         try:
             return self.runner.worker.compute(diagnose, "the diagnosis")

@@ -121,11 +121,7 @@ def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
             launch = c.solution.launch_at(LAUNCH_ANGLE, name or THROWN)
             times = [launch.time if launch else None]
         elif allowed is not None and (metric.name in _SERIES or metric.name == "energy_balance"):
-            if metric.name in _SERIES:
-                series = _SERIES[metric.name]
-                distance = c.distance(series(own, name), series(right, name))
-            else:
-                distance = c.distance(*c.balance)
+            distance = _distance(c, metric)
             limit = np.full_like(c.t, allowed)
             if metric.name in _CARRIED_ON:
                 if grown is None:
@@ -142,7 +138,15 @@ def find_onset(c: AlignedRun, violated: Iterable[Metric]) -> Onset | None:
     return Onset(first, onsets[first], active_contacts_at(c.solution, onsets[first]))
 
 
-def first_violation(c: AlignedRun, violated: Iterable[Metric]) -> float | None:
+def _distance(c: AlignedRun, metric: Metric) -> FloatArray:
+    """Distance from the reference in a metric's quantity at the compared times, shape (n,)."""
+    if metric.name not in _SERIES:
+        return c.distance(*c.balance)
+    series, name = _SERIES[metric.name], metric.subject or ""
+    return c.distance(series(c.trajectory, name), series(c.reference, name))
+
+
+def _first_violation(c: AlignedRun, violated: Iterable[Metric]) -> float | None:
     """Time when a coordinate or a point exceeds its tolerance [s]; None where none does.
 
     It is the tolerance of the whole motion, which :func:`find_onset` takes a share of.
@@ -150,9 +154,8 @@ def first_violation(c: AlignedRun, violated: Iterable[Metric]) -> float | None:
     times: list[float] = []
     for metric in violated:
         if metric.name in _CARRIED_ON and metric.tolerance is not None:
-            series, name = _CARRIED_ON[metric.name], metric.subject or ""
-            distance = c.distance(series(c.trajectory, name), series(c.reference, name))
-            times += c.t[~(distance <= metric.tolerance) & c.smooth][:1].tolist()
+            exceeds = ~(_distance(c, metric) <= metric.tolerance)
+            times += c.t[exceeds & c.smooth][:1].tolist()
     return min(times, default=None)
 
 
@@ -246,7 +249,7 @@ def _end_of_reruns(c: AlignedRun, broken: Sequence[Metric]) -> float:
     It is twice the time to the first violation: what the error grows to later on costs most of a
     run, and hides what made it. Motions of a few characteristic times are run to their end.
     """
-    violation = first_violation(c, broken)
+    violation = _first_violation(c, broken)
     if violation is None:
         return c.end
     to = max(_BEYOND * violation, _FEW_TIMES * c.scales.time)

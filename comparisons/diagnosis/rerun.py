@@ -32,8 +32,8 @@ Simulate = Callable[[Engine, Problem], Trajectory]
 
 _STEP = "timestep"
 _HALVINGS = 3  # of a step: an eighth leaves an eighth of a first-order error
-_MANY_STEPS = 50_000  # of a run: more than the paper's machines take with any preset
 _TRIED = 2  # of them, after which a step that takes out next to nothing is given up
+_MANY_STEPS = 50_000  # of a run: more than the paper's machines take with any preset
 _ROUNDING = 1e-9  # of a deviation: what changes it by less changes nothing
 _NO_PART = 0.1  # share that is next to nothing
 _ORDERS = (1, 2, 4)  # of the integrators that engines have
@@ -65,10 +65,10 @@ class _Setting:
 
 
 @dataclass
-class _Time:
+class SearchTime:
     """Time that runs of a diagnosis take, of what they may take together."""
 
-    allowed: float  # [s]
+    allowed: float = math.inf  # [s]
     spent: float = 0.0  # [s]
     left_out: int = 0
     """Runs that were not made, as they would have taken more than is left."""
@@ -81,11 +81,8 @@ class _Time:
         A step takes what it took with a part of these options, at the least. What it takes with
         options that were not tried is not known: one such run may take longer than is left.
         """
-        known = [
-            seconds
-            for part, seconds in self._of_steps
-            if part.items() <= _but_step(options).items()
-        ]
+        asked = _but_step(options).items()
+        known = [seconds for part, seconds in self._of_steps if part.items() <= asked]
         least = min((seconds for _, seconds in self._of_steps), default=0.0)
         suffices = self.spent + steps * max(known, default=least) <= self.allowed
         self.left_out += not suffices
@@ -110,16 +107,12 @@ class Rerun:
     finest: float | None = None
     """Step of the preset `settings` on this problem [s]; None: not known, or not beyond this one's.
     """
-    allowed: float = math.inf
-    """Longest that runs with other settings may take together [s]."""
+    time: SearchTime = field(default_factory=SearchTime, compare=False)
+    """What runs with other settings may take together."""
     kept: dict[str, FloatArray | None] = field(
         default_factory=dict[str, "FloatArray | None"], compare=False, repr=False
     )
     """Deviations of runs with other settings, by the settings: some are asked for twice."""
-    time: _Time = field(init=False, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time", _Time(self.allowed))
 
     def causes(self, case: Case) -> Iterator[RankedCause]:
         """Causes of the engine's error budget, removed one at a time, by what then vanishes.
@@ -154,7 +147,7 @@ class Rerun:
                     yield from self._of_rounding(case, removals)
 
     def _of_settings(self, case: Case, removals: Sequence[_Setting]) -> Iterator[RankedCause]:
-        """All causes of the budget, and other options."""
+        """Causes of the budget, then other options, alone and together."""
         most, best = 0.0, None
         settings: list[_Setting] = []
         for removal in removals:
@@ -294,12 +287,13 @@ class Rerun:
 
     @property
     def _is_at_rounding(self) -> bool:
-        """Whether steps are as short as the preset `settings` has them in single precision."""
+        """Tell whether steps in single precision are as short as those of `settings`."""
         is_longer = self.finest is not None and self.finest < (self.engine.timestep or 0.0)
         return self._is_single and not is_longer
 
     @property
     def _is_single(self) -> bool:
+        """Tell whether the engine computes in single precision."""
         return engine_study(self.engine.name).single_precision(self.engine.settings)
 
     def _shorter_steps(self, case: Case) -> tuple[list[float], list[float]]:

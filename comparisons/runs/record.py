@@ -58,8 +58,8 @@ from .tolerances import Needs, is_table_one, judge
 from .work import largest_errors
 
 GRID = 1000  # intervals of the common grid
-TIMED_FOR = 0.5
-"""Wall time [s] after which no repeat is made: a long run averages over disturbances by itself."""
+# Wall time [s] after which no repeat is made: a long run averages over disturbances by itself.
+_TIMED_FOR = 0.5
 Positions = dict[str, tuple[tuple[Real, ...], tuple[Real, ...]]]
 
 
@@ -124,6 +124,11 @@ class RunRecord(Spec):
         """Processor times of the repeats without reading [s], as far as that is told apart."""
         reading = self.reading_times or (0.0,) * len(self.processor_times)
         return tuple(all_ - ours for all_, ours in zip(self.processor_times, reading, strict=True))
+
+    @property
+    def is_timed(self) -> bool:
+        """Tell whether its runs took long enough together to be timed by them."""
+        return sum(self.wall_times) >= _TIMED_FOR
 
     @property
     def position(self) -> float | None:
@@ -352,11 +357,7 @@ class EngineRuns:
             record = known or make(self.runner, engine, given, curves=self._curves)
             # It did run: a repeat that fails costs a time, not the record.
             with suppress(Exception):
-                while (
-                    record.ran
-                    and len(record.wall_times) < repeats
-                    and sum(record.wall_times) < TIMED_FOR
-                ):
+                while record.ran and len(record.wall_times) < repeats and not record.is_timed:
                     record = record.timed_again(self.runner.simulate(engine, given))
             if store is not None and record is not known:
                 store.keep_record(key, record, made_by, self.runner.worker.jobs)

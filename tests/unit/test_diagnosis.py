@@ -50,7 +50,7 @@ from trebucheck.comparisons.diagnosis.faults import (
 )
 from trebucheck.comparisons.diagnosis.rank import Estimate
 from trebucheck.comparisons.diagnosis.readings import NO_MOTION, Reading
-from trebucheck.comparisons.diagnosis.rerun import Rerun, _other_settings
+from trebucheck.comparisons.diagnosis.rerun import Rerun, SearchTime, _other_settings
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.metrics import against
 from trebucheck.comparisons.runs.quantities import Kind, Quantity
@@ -321,7 +321,7 @@ def test_runs_that_would_take_too_long_are_left_out_and_counted(
     engine = MujocoEngine.presets()["default"]()
     case = Case(simulate(engine, solution.problem), solution, 0.5)
     for allowed in (math.inf, 2000.0, 0.0):
-        clock[0], rerun = 0.0, Rerun(engine, simulate, allowed=allowed)
+        clock[0], rerun = 0.0, Rerun(engine, simulate, time=SearchTime(allowed))
         assert not [cause for cause in rerun.causes(case) if cause.explained > 0.5]
         assert clock[0] <= max(allowed, 250.0)  # the first run is made, whatever it takes
         assert bool(rerun.time.left_out) == (allowed < math.inf)

@@ -128,7 +128,7 @@ def diagnosis(run: Measured) -> list[str]:
 
 
 def _not_made(runs: int) -> str:
-    """That runs with other settings are missing."""
+    """Clause on the runs with other settings that are missing."""
     number = "1 run" if runs == 1 else f"{runs} runs"
     return f"{number} with other settings would have taken too long, so that causes may be missing"
 

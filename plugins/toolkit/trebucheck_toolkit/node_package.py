@@ -83,7 +83,11 @@ class NodePackage:
         return self._written("--input-type=module", "-", text=program)
 
     def run(self, program: str) -> dict[str, Any]:
-        """What a module of ECMAScript prints as JSON; SimulationError if the process fails."""
+        """Run a module of ECMAScript, for what it prints as JSON.
+
+        Raises:
+            SimulationError: the process fails.
+        """
         ended = subprocess.run(
             ["node", "--input-type=module", "-"],
             cwd=self.folder,

@@ -1,7 +1,6 @@
 // What programs share that move a scene of node_scene.py: they read it as JSON from standard input and write samples to
-// standard output: a line of JSON, { samples: shape }, and numbers, little-endian float64, [sample][6 of each body: x, y,
-// angle, vx, vy, speed; then what is told of the step that begins there]. Every body stands at the angle 0 at the start and has its origin at its centre of mass; y
-// points downwards.
+// standard output, [sample][6 of each body: x, y, angle, vx, vy, speed; then what is told of the step that begins
+// there]. Every body stands at the angle 0 at the start and has its origin at its centre of mass; y points downwards.
 "use strict";
 const fs = require("fs");
 
@@ -90,20 +89,33 @@ class Scene {
 }
 
 // At once: what process.stdout is given may wait for what V8 compiles.
-function write(bytes) {
+function writeBytes(bytes) {
   for (let at = 0; at < bytes.length;) at += fs.writeSync(1, bytes, at);
+}
+
+// Arrays by name, each with its shape and numbers: a line of JSON with the shapes, then the numbers, little-endian
+// float64.
+function write(arrays) {
+  const shapes = Object.entries(arrays).map(([name, { shape }]) => [name, shape]);
+  writeBytes(Buffer.from(JSON.stringify(Object.fromEntries(shapes)) + "\n"));
+  for (const { numbers } of Object.values(arrays)) writeBytes(Buffer.from(numbers.buffer));
+}
+
+// Nested arrays, all those of a depth of one length, as `write` takes them.
+function flat(nested) {
+  const shape = (values) => Array.isArray(values) ? [values.length, ...shape(values[0] ?? 0)] : [];
+  return { shape: shape(nested), numbers: new Float64Array(nested.flat(Infinity)) };
 }
 
 async function run(make) {
   try {
     const scene = await make(JSON.parse(fs.readFileSync(0, "utf8")));
-    const samples = scene.samples(), rows = scene.given.steps + 1;
-    write(Buffer.from(JSON.stringify({ samples: [rows, samples.length / rows] }) + "\n"));
-    write(Buffer.from(samples.buffer));
+    const numbers = scene.samples(), rows = scene.given.steps + 1;
+    write({ samples: { shape: [rows, numbers.length / rows], numbers } });
   } catch (error) {
     console.error(String(error));
     process.exitCode = 1;
   }
 }
 
-module.exports = { Scene, run, vector };
+module.exports = { Scene, flat, run, vector, write };
