@@ -66,7 +66,7 @@ _LOST = 0.1  # position error in parts of the way beyond which longer steps tell
 _LONGEST_STEP = 0.05  # of the compared time
 _LONG = 5.0  # [s] a run at half the step of one that took longer is not made
 _TIMED = 3  # repeats, fewer where runs are long
-_LEAST_SEARCH = 10.0  # [s] that runs with other settings may take where runs are short
+_LEAST_SEARCH = 20.0  # [s] that runs with other settings may take where runs are short
 _SEARCH = 10.0  # times a run's own time, where they are longer
 
 

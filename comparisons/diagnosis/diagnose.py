@@ -186,8 +186,6 @@ _CORRECTIONS = 4  # of a size that has no linear effect
 _MISREAD = 0.01
 _RIGHT = 1e-6  # of the sizes of quantities: what deviates by less is right
 _MISSING = "missing_time"
-_BEYOND = 2.0  # times the time to the first violation
-_FEW_TIMES = 5.0  # characteristic times that are always looked at: half of a throw of the paper's
 _MOST = 0.8  # of a motion; one that is looked at for longer is looked at to its end
 _STATE_METRICS = frozenset(_COORDINATES)
 _POINT_METRICS = frozenset(_POINTS)
@@ -246,13 +244,13 @@ def diagnose_motion(
 def _end_of_reruns(c: AlignedRun, broken: Sequence[Metric]) -> float:
     """End of the motion for which the engine is run with other settings [s].
 
-    It is twice the time to the first violation: what the error grows to later on costs most of a
-    run, and hides what made it. Motions of a few characteristic times are run to their end.
+    It is the first violation, or a characteristic time if that is longer: errors add up as long as
+    they are small, and what they grow to later on costs most of a run and hides what made it.
     """
     violation = _first_violation(c, broken)
     if violation is None:
         return c.end
-    to = max(_BEYOND * violation, _FEW_TIMES * c.scales.time)
+    to = max(violation, c.scales.time)
     return to if to < _MOST * c.end else c.end
 
 

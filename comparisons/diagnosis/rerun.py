@@ -119,16 +119,18 @@ class Rerun:
 
         Where none does alone, what explains most is taken out with each of the others, and so on.
         The step comes after the other causes, as shorter ones cost more. Where one takes out all of
-        it, no other is looked for. Of a run of many steps the step is asked for first, and nothing
-        else where it and rounding make half of the deviation or more: iterations without end and
-        assistance take ten times as long.
+        it, no other is looked for. In single precision, and of a run of many steps, the step is
+        asked for first, as iterations without end and assistance take ten times as long: nothing
+        else is where it or rounding makes nearly all of the deviation, or half of it in a run of
+        many steps.
         """
         if not case.deviation.any():  # what is there is right, and the rest is missing
             return
         removals = sorted(_other_settings(self.engine, case.mechanism), key=_costs)
-        if self._is_long(case):
+        if self._is_long(case) or self._is_single:
             of_steps = list(self._of_steps(case, removals))
-            if any(cause.explained >= MOST_OF_IT for cause in of_steps):
+            enough = MOST_OF_IT if self._is_long(case) else SUFFICIENT
+            if any(cause.explained >= enough for cause in of_steps):
                 yield from of_steps
                 return
         yield from self._of_settings(case, removals)

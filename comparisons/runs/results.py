@@ -276,7 +276,7 @@ class Diagnosis(Spec):
     reruns_to: Real | None = optional(
         None,
         "end of the motion for which the engine was run with other settings [s], where it is not "
-        "the end of all: twice the time to the first violation",
+        "the end of all: the first violation, or a characteristic time",
     )
     left_out: Annotated[int, Field(ge=0)] = optional(
         0, "runs with other settings that were not made, as they would have taken too long"
