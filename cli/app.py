@@ -5,12 +5,14 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import shlex
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -136,9 +138,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0, 1 (disagreement or a failed run), 2 (wrong input) or 130 (interrupted).
     """
+    if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison] - it was closed
+        return _refused("standard output is closed; > /dev/null discards what is written to it.")
     try:
         words = list(sys.argv[1:] if arguments is None else arguments)
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _ended_as_interrupted():
             warnings.showwarning = _noted
             code = _group().main(
                 words, "trebucheck", standalone_mode=False, obj=shlex.join(["trebucheck", *words])
@@ -172,6 +176,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 _INTERRUPTED = 130
+
+
+@contextmanager
+def _ended_as_interrupted() -> Generator[None, None, None]:
+    """Make signals that end a process, sent by `kill` or a closed terminal, as good as Ctrl-C."""
+
+    def interrupt(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGTERM", "SIGHUP"):  # the second is not everywhere
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @cache

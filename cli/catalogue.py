@@ -165,6 +165,10 @@ def engines_command(call: Call) -> None:
     rows: list[tuple[str | bool, ...]] = []
     formulations: list[Text] = []
     for status in engines().values():
+        if status.broken:
+            rows.append((status.name, "cannot be used", "", "", "", ""))
+            formulations.append(Text(status.broken, "strong", lead=f"{status.name}:"))
+            continue
         can = status.capabilities
         laws = ", ".join(sorted(can.stop_laws)).replace("release-once, unilateral", "both")
         version = status.version if status.installed else "not installed"

@@ -63,16 +63,17 @@ def engine_names() -> tuple[str, ...]:
 def preset_names() -> list[str]:
     """Names of the presets of all engines."""
     from ..engines.presets import PRESETS
-    from ..engines.registry import engine_class
+    from ..engines.registry import engines
 
-    presets = [preset for name in engine_names() for preset in engine_class(name).presets()]
+    presets = [preset for status in engines().values() for preset in status.presets]
     return list(dict.fromkeys((*PRESETS, *presets)))
 
 
 def _assigned_options() -> list[str]:
-    from ..engines.registry import option_names
+    from ..engines.registry import engines, option_names
 
-    return [f"{name}.{option}=" for name in engine_names() for option in option_names(name) or ()]
+    usable = [name for name, status in engines().items() if not status.broken]
+    return [f"{name}.{option}=" for name in usable for option in option_names(name) or ()]
 
 
 # ------------------------------------------------------------------------------ declarations

@@ -136,9 +136,11 @@ class MachineRuns:
         if motion is None:
             return FinishedRun(record, run)
         if run.broken and self.diagnoses:
-            # A record's diagnosis is for certain tolerances: for others it is made anew.
+            # A record's diagnosis is for certain tolerances: for others it is made anew, and where
+            # its process failed.
             exceeded = {metric.label: metric.tolerance for metric in run.broken}
-            if not (taken and record.diagnosed_for == exceeded):
+            failed = record.diagnosis is not None and record.diagnosis.note
+            if failed or not (taken and record.diagnosed_for == exceeded):
                 taken = False
                 diagnosis = self._diagnosis(run, motion(), engine)
                 update = {"diagnosis": diagnosis, "diagnosed_for": exceeded}

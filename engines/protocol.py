@@ -236,11 +236,14 @@ class BuiltinEngine(EngineOptions, ABC):
 
     @classmethod
     def is_installed(cls) -> bool:
-        """Tell whether the engine's package is installed; a folder left behind is not enough."""
-        return (
-            cls.version() != _ABSENT
-            and importlib.util.find_spec(cls.module or cls.package) is not None
-        )
+        """Tell whether the engine's package is installed; a folder left behind is not enough.
+
+        A class without a package is all of its engine.
+        """
+        name = cls.module or getattr(cls, "package", "")
+        if cls.version() == _ABSENT:
+            return False
+        return not name or importlib.util.find_spec(name) is not None
 
     @classmethod
     def version(cls) -> str:

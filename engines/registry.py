@@ -6,18 +6,19 @@ import importlib
 import importlib.metadata
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Hashable, Iterable, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol, cast, runtime_checkable
+from threading import Lock
+from typing import Any, NoReturn, Protocol, cast, runtime_checkable
 
 from pydantic import JsonValue
 
-from ..models.errors import InputError, UnsupportedProblemError
+from ..models.errors import InputError, TrebucheckError, UnsupportedProblemError
 from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
@@ -133,10 +134,36 @@ def announce(path: str) -> str:
 def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
     """A plug-in's class; one that lacks a part is refused before that is missed somewhere else."""
     name = f"engine {point.name!r}"
+    if not point.pattern.match(point.value):
+        raise InputError(
+            f"{name}: {point.value!r} is no path of a class; it has the form package.module:Class."
+        )
+    broken = f"{name} comes from a plug-in that cannot be loaded"
     try:
-        cls: object = point.load()
-    except Exception as error:
-        raise InputError(f"{name} comes from a plug-in that cannot be loaded: {error}.") from error
+        with _exit_raised():
+            cls: object = point.load()
+    except KeyboardInterrupt:
+        raise
+    except SystemExit as error:
+        raise InputError(
+            f"{broken}: on import it ends the process, with exit code {error.code!r}."
+        ) from error
+    except BaseException as error:
+        raise InputError(f"{broken}: {type(error).__name__}: {error}.") from error
+    if not isinstance(cls, Hashable):
+        raise InputError(f"{name}: its entry point leads to {cls!r}; a class is needed.")
+    _refuse_unusable(name, cls)
+    return cast("EngineClass", cls)
+
+
+@cache
+def _refuse_unusable(name: str, cls: object) -> None:
+    """Raise InputError if a plug-in's class lacks a part, or one gives or raises something else.
+
+    Args:
+        name: of the engine, as the sentence is to name it.
+        cls: what its entry point leads to.
+    """
     declared = getattr(cls, "capabilities", None)
     if not isinstance(declared, Capabilities):
         has = f"has capabilities of type {type(declared).__name__}"
@@ -155,7 +182,57 @@ def _loaded(point: importlib.metadata.EntryPoint) -> EngineClass:
                 f"{name}: its class has no `package`, the distribution whose version is reported; "
                 "an engine that is none has is_installed() and version() of its own."
             )
-    return cast("EngineClass", cls)
+    for method, kind, needed in _METHODS:
+        if not (method == "study" and not hasattr(cls, method)):
+            _refuse_answer(name, cls, method, kind, needed)
+
+
+_METHODS: tuple[tuple[str, type, str], ...] = (
+    ("presets", Mapping, "makers by name"),
+    ("version", str, "a text"),
+    ("is_installed", bool, "True or False"),
+    ("study", EngineStudy, "a trebucheck.engines.study.EngineStudy"),
+)
+"""Methods of an engine's class, the types of what they give, and these in words."""
+
+
+def _refuse_answer(name: str, cls: object, method: str, kind: type, needed: str) -> None:
+    """Raise InputError if a method of an engine's class raises, or gives something else."""
+    try:
+        with _exit_raised():
+            answer: object = getattr(cls, method)()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise InputError(
+            f"{name}: {method}() of its class raises {type(error).__name__}: {error}; {needed} is "
+            "needed."
+        ) from error
+    if not isinstance(answer, kind):
+        raise InputError(f"{name}: {method}() of its class gives {answer!r}; {needed} is needed.")
+
+
+_EXIT, _EXIT_LOCK = os._exit, Lock()
+_raising: list[None] = []  # an entry a thread in which `os._exit` is to raise
+
+
+@contextmanager
+def _exit_raised() -> Generator[None, None, None]:
+    """Make `os._exit` an exception, as `sys.exit` is: a plug-in must not end a study in silence."""
+    with _EXIT_LOCK:
+        _raising.append(None)
+        os._exit = _raise_exit
+    try:
+        yield
+    finally:
+        with _EXIT_LOCK:
+            _raising.pop()
+            if not _raising:
+                os._exit = _EXIT
+
+
+def _raise_exit(status: int) -> NoReturn:
+    raise SystemExit(status)
 
 
 def engine_class(name: str) -> EngineClass:
@@ -215,13 +292,26 @@ class EngineStatus:
     version: str
     presets: tuple[str, ...]
     capabilities: Capabilities
+    broken: str = ""
+    """A sentence on why its plug-in cannot be used; empty where it can."""
+
+
+_UNKNOWN = Capabilities(False, False, False, frozenset(), "not known", stop_torques=False)
+"""Capabilities of an engine whose class cannot be used."""
 
 
 def engines() -> dict[str, EngineStatus]:
-    """List known engines by name, installed or not, without importing any engine's library."""
+    """List known engines by name, installed or not, without importing any engine's library.
+
+    A plug-in that cannot be used is in the list and says why.
+    """
     status: dict[str, EngineStatus] = {}
     for name in engine_names():
-        cls = engine_class(name)
+        try:
+            cls = engine_class(name)
+        except InputError as error:
+            status[name] = EngineStatus(name, False, "broken", (), _UNKNOWN, str(error))
+            continue
         version, presets = cls.version(), tuple(cls.presets())
         status[name] = EngineStatus(name, cls.is_installed(), version, presets, cls.capabilities)
     return status
@@ -244,13 +334,24 @@ def engine(name: str, preset: str = ASSISTED, **options: Any) -> Engine:
     if preset not in makers:
         raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
     try:
-        simulator = makers[preset](**options)
-    except (InputError, TypeError):
+        with _exit_raised():
+            simulator = makers[preset](**options)
+            is_whole = isinstance(simulator, Engine)  # which reads the properties of a plug-in's
+            return simulator if is_whole else completed(simulator, preset, options)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         known = option_names(name) or tuple(options)
         for unknown in (option for option in options if option not in known):
             raise unknown_option(name, unknown, known) from None
-        raise
-    return simulator if isinstance(simulator, Engine) else completed(simulator, preset, options)
+        if name in _BUILTIN or isinstance(error, TrebucheckError | MemoryError):
+            raise
+        if options and isinstance(error, TypeError):  # perhaps of an option that it does not take
+            raise
+        raise InputError(
+            f"engine {name!r} cannot be made with the preset {preset!r}: "
+            f"{type(error).__name__}: {error}."
+        ) from error
 
 
 def presets_of(name: str, asked: Iterable[str] = PRESETS) -> tuple[str, ...]:

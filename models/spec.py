@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import json
 import re
@@ -162,7 +163,8 @@ class Spec(BaseModel):
             InputError: the file cannot be read, is no regular file, is too large, or is not a valid
                 description; the sentence names it.
         """
-        text = read_bytes(path, cls.largest_file)
+        # Editors of Windows begin a file with a byte order mark.
+        text = read_bytes(path, cls.largest_file).removeprefix(codecs.BOM_UTF8)
         try:
             return cls.from_json(text)
         except InputError as error:

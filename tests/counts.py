@@ -37,7 +37,7 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 60000,
+    "lines": 60400,
     "modules": 240,
     "modules with one importer": 49,  # point_masses, which plug-ins import as well
     "public class names used twice": 1,

@@ -28,7 +28,6 @@ from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from queue import SimpleQueue
-from threading import TIMEOUT_MAX
 from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
@@ -55,6 +54,8 @@ _V = TypeVar("_V")
 _WARM_UP = 5e-3  # [s] simulated before the timed run: imports and first calls are not counted
 _WARM_UP_STEPS = 100  # at most
 _START = 120.0  # [s] longest wait for a process to start
+# [s] beyond which a limit of time is none: systems take a wait as milliseconds in 32 bits
+_LONGEST_WAIT = 2e6
 
 
 def simulate(runner: Engine, problem: Problem) -> Trajectory:
@@ -79,7 +80,14 @@ def _import_this_module() -> None:
     gc.freeze()
 
 
-class TimeLimitError(SimulationError):
+class ProcessError(SimulationError):
+    """A call that did not fail by itself: its process crashed, was killed, or lacked memory.
+
+    It may succeed on another machine or at another time, and is made again where a study goes on.
+    """
+
+
+class TimeLimitError(ProcessError):
     """A call that did not come to an end within its limit of time, and was stopped."""
 
     def __init__(self, message: str, limit: float = math.nan) -> None:
@@ -115,6 +123,29 @@ def _computed(_: _Computation, compute: Callable[[], _Result]) -> _Result:
     return compute()
 
 
+class _Process(ProcessPoolExecutor):
+    """A process that makes calls; the thread that starts it lasts as long: it ends with both."""
+
+    def __init__(self) -> None:
+        super().__init__(max_workers=1, initializer=end_with_parent)
+        self._starter = ThreadPoolExecutor(1, "starter")
+
+    def begin(self) -> None:
+        """Start the process by its first call.
+
+        Raises:
+            BrokenProcessPool: it ended by itself.
+            TimeoutError: it did not start in time.
+            RuntimeError: the system starts no thread.
+        """
+        self._starter.submit(_submitted, self, _import_this_module).result().result(_START)
+
+    def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
+        """End the process."""
+        super().shutdown(wait=wait, kill_workers=kill_workers)
+        self._starter.shutdown(wait=False)
+
+
 @dataclass
 class Worker:
     """Processes that simulate, each started when first needed and again after a crash.
@@ -134,8 +165,7 @@ class Worker:
     _imports: bool = field(default=True, init=False)
 
     def __post_init__(self) -> None:
-        # infinity, too, is a wait that the system can take
-        self.timeout = min(self.timeout, TIMEOUT_MAX)
+        self.timeout = min(self.timeout, _LONGEST_WAIT)
         for _ in range(self.jobs):
             self._idle.put(None)
 
@@ -157,7 +187,7 @@ class Worker:
                 return self._isolated(function, runner, given)
             return function(runner, given)
         except MemoryError as error:
-            raise SimulationError(f"{runner.name} ran out of memory: {error}.") from None
+            raise ProcessError(f"{runner.name} ran out of memory: {error}.") from None
         except SystemExit as error:
             raise SimulationError(f"{runner.name} ended its process: {error!r}.") from None
 
@@ -179,14 +209,14 @@ class Worker:
         try:
             if pool not in self._started:
                 pool = self._start()
-                _submitted(pool, _import_this_module).result(_START)
+                self._make_first_call(pool)
             if self.fresh and FORKS:
                 return self._forked(pool, function, runner, given)
             return _submitted(pool, function, runner, given).result(self.timeout)
         except BrokenProcessPool:
             pool = self._end(pool)
             message = f"{runner.name} crashed: its process ended by itself."
-            raise SimulationError(message) from None
+            raise ProcessError(message) from None
         except TimeoutError:
             pool = self._end(pool)
             raise self._too_long(runner) from None
@@ -211,16 +241,25 @@ class Worker:
             raise self._too_long(runner)
         if answer is None:
             how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
-            raise SimulationError(f"{runner.name} crashed: its process ended by itself{how}.")
+            raise ProcessError(f"{runner.name} crashed: its process ended by itself{how}.")
         result, error = pickle.loads(answer)
         if error is not None:
             raise error
         return cast("_Result", result)
 
     def _start(self) -> Any:
-        pool = ProcessPoolExecutor(max_workers=1)
+        pool = _Process()
         self._started.append(pool)
         return pool
+
+    def _make_first_call(self, pool: Any) -> None:
+        try:
+            pool.begin()
+        except BrokenProcessPool:
+            raise
+        except RuntimeError as error:  # there is no memory for a thread
+            self._end(pool)
+            raise ProcessError(f"no process can be started: {error}.") from None
 
     def _too_long(self, runner: _Named) -> TimeLimitError:
         message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
@@ -231,7 +270,8 @@ class Worker:
         # Its daemon thread frees the semaphores, and is waited for: an interpreter that ends before
         # may stop it between taking a finalizer and calling it, and the resource tracker would
         # report leaked semaphores.
-        pool.shutdown(wait=True, kill_workers=True)
+        with suppress(RuntimeError):  # the thread was never started
+            pool.shutdown(wait=True, kill_workers=True)
 
     def close(self) -> None:
         """End the processes; of a later call at its end."""
@@ -260,9 +300,31 @@ def _with_imports_kept(function: Callable[..., _Result], *given: Any) -> _Result
     modules = len(sys.modules)
     try:
         return function(*given)
+    except (Exception, SystemExit):
+        raise
+    except BaseException as error:
+        raise _no_interruption(given[0], error) from None
     finally:
         if len(sys.modules) > modules:
             gc.freeze()
+
+
+def _no_interruption(runner: object, error: BaseException) -> SimulationError:
+    """The error of an engine that raised what is no error, such as KeyboardInterrupt.
+
+    Signals of the terminal are kept from these processes: no user has interrupted it.
+    """
+    name = getattr(runner, "name", "it")
+    return SimulationError(f"{name} raised {type(error).__name__}: {error}.")
+
+
+def end_with_parent() -> None:
+    """Make the system end this process when the thread that started it ends (on Linux).
+
+    Elsewhere a process whose parent was killed ends after the call that it makes.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 FORKS = sys.platform == "linux" and hasattr(os, "pidfd_open")
@@ -323,7 +385,7 @@ def _make(call: bytes, pipe: Connection) -> None:
     """Make the call in the new process, send its result, and end."""
     try:
         os.setpgid(0, 0)
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        end_with_parent()
         with suppress(OSError):
             Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
         before = set(sys.modules)
@@ -338,6 +400,7 @@ def _make(call: bytes, pipe: Connection) -> None:
 
 def _answer(call: bytes) -> bytes:
     """Result and error of a call, one of them None."""
+    given: tuple[object, ...] = (None,)
     try:
         function, given = pickle.loads(call)
         return bytes(dumps((function(*given), None)))
@@ -349,8 +412,10 @@ def _answer(call: bytes) -> bytes:
             text = f"{type(error).__name__}: {error}"
             answer = bytes(dumps((None, SimulationError(text))))
         return answer
-    except BaseException as error:
+    except SystemExit as error:
         return bytes(dumps((None, error)))
+    except BaseException as error:
+        return bytes(dumps((None, _no_interruption(given[0], error))))
 
 
 class OnDemand(Mapping[_K, _V]):

@@ -37,7 +37,7 @@ from ...models.trajectory import Trajectory
 from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
 from .metrics import SAME_END, THROWN, against, launch_errors, measure, points
-from .process import TimeLimitError, Worker, all_in_order
+from .process import ProcessError, TimeLimitError, Worker, all_in_order
 from .quantities import parse_label
 from .results import (
     Diagnosis,
@@ -102,6 +102,7 @@ class RunRecord(Spec):
     outcome: Outcome = Outcome.NOT_JUDGED  # NOT_JUDGED: the run came to its end
     message: str | None = None  # why it did not
     time_limit: Real | None = None  # at which it was stopped [s]
+    process_failed: bool = False  # not the run failed, but its process: it may succeed if repeated
     steps: Annotated[int, Field(ge=0)] = 0
     wall_times: tuple[Real, ...] = ()  # of the whole simulate, warm, one a repeat [s]
     processor_times: tuple[Real, ...] = ()  # of the same repeats [s]; none: not measured
@@ -171,7 +172,7 @@ class RunRecord(Spec):
         outcome, message = failure(error)
         limit = error.limit if isinstance(error, TimeLimitError) else None
         update = {"outcome": outcome, "message": message, "time_limit": limit}
-        return self.model_copy(update=update)
+        return self.model_copy(update={**update, "process_failed": isinstance(error, ProcessError)})
 
     def measured(
         self, trajectory: Trajectory, metrics: Iterable[Metric], curves: Curves | None = None
@@ -353,6 +354,7 @@ class EngineRuns:
             known = self._known.get(key)
             if known is None and store is not None:
                 known = store.record(key, RunRecord, made_by)
+                known = None if known is not None and known.process_failed else known
                 (store.taken if known else store.made).add(key)
             record = known or make(self.runner, engine, given, curves=self._curves)
             # It did run: a repeat that fails costs a time, not the record.

@@ -17,9 +17,6 @@ from trebucheck.api.mechanics import InputError, SimulationError, shortened
 
 from . import worker
 
-START = 180.0
-"""Longest wait for an importer's package to be imported [s]."""
-
 
 @dataclass
 class ImporterProcess:
@@ -33,7 +30,7 @@ class ImporterProcess:
     """`module:function`, or `path/to/file.py:function`."""
     python: Path
     timeout: float = 60.0
-    """Longest wait for an answer [s]."""
+    """Longest wait for an answer, and for its package to be imported [s]."""
     printed: list[str] = field(default_factory=list[str], init=False)
     """Lines it printed since the list was emptied."""
     _process: subprocess.Popen[str] | None = field(default=None, init=False)
@@ -91,7 +88,7 @@ class ImporterProcess:
         self._lines = SimpleQueue()
         Thread(target=_hand_on, args=(self._process, self._lines), daemon=True).start()
         try:
-            answer = self._answer(START)
+            answer = self._answer(self.timeout)
         except SimulationError as error:
             raise InputError(
                 f"loader {self.loader[:200]!r} cannot be started with {self.python}: {error}"

@@ -5,8 +5,15 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
-from collections.abc import Callable
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -252,3 +259,66 @@ def test_an_interrupt_is_exit_code_130(
     )
     assert "throw" not in said
     assert not (tmp_path / "out" / "report.html").exists()
+
+
+LOADED = """
+import threading, time
+threading.Thread(target=time.sleep, args=(600,), name="beside").start()
+raise ImportError("no licence")
+"""
+ENDED = "interrupted; these commands keep the runs"
+
+
+@contextmanager
+def _started(*arguments: str, **environment: str) -> Iterator[subprocess.Popen[str]]:
+    """A command in a process of its own, which does not outlive the test."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "trebucheck", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **environment},
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="its processes are looked for in /proc")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_signals_that_end_a_process_end_a_command_as_an_interrupt_does(
+    name: str, tmp_path: Path
+) -> None:
+    """While a run is under way that would take minutes; its process ends, too."""
+    out, step = str(tmp_path / "out"), "--timestep=2e-6"
+    with _started("compare", "--engines=pymunk", "--models=fixed", step, "--out", out) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        deadline = time.monotonic() + 60.0
+        while not children.read_text() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        process.send_signal(getattr(signal, name))
+        said = process.communicate(timeout=20.0)[1]
+    assert process.returncode == 130 and ENDED in said
+    assert "Traceback" not in said
+
+
+def test_a_thread_of_a_plug_in_does_not_keep_a_command_from_ending(tmp_path: Path) -> None:
+    (tmp_path / "beside.py").write_text(LOADED)
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    plug_in = {"TREBUCHECK_ENGINES": "beside=beside:Engine", "PYTHONPATH": path}
+    with _started("engines", **plug_in) as process:
+        listed, said = process.communicate(timeout=60.0)
+    assert process.returncode == 0 and "no licence" in listed
+    assert "threads that still run: beside" in said
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell of POSIX closes a stream")
+def test_closed_standard_output_is_a_sentence() -> None:
+    command = shlex.join([sys.executable, "-m", "trebucheck", "--help"])
+    done = subprocess.run(
+        ["/bin/sh", "-c", f"{command} >&-"], stderr=subprocess.PIPE, text=True, check=False
+    )
+    assert done.returncode == 2 and "standard output is closed" in done.stderr
+    assert "Traceback" not in done.stderr

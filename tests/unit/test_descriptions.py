@@ -263,6 +263,8 @@ def test_a_chain_of_any_length_is_followed_to_its_end(tmp_path: Path) -> None:
     (tmp_path / "chain.json").write_text(text)
     mechanism = tb.Mechanism.load(tmp_path / "chain.json")
     assert mechanism.content_hash == tb.Mechanism.from_json(text).content_hash
+    (tmp_path / "chain.json").write_text(text, encoding="utf-8-sig")  # as Windows' editors write it
+    assert tb.Mechanism.load(tmp_path / "chain.json") == mechanism
     with pytest.raises(
         tb.InputError, match=r"stop 's' is closed, but its gap at the start is 1 m, not 0"
     ):

@@ -9,6 +9,8 @@ import os
 import re
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
+from threading import Barrier, Thread
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +19,7 @@ import trebucheck as tb
 from plugin_engines import Echo
 from trebucheck.comparisons.diagnosis.rank import SUFFICIENT
 from trebucheck.conformance.verdicts import Deviations
+from trebucheck.engines import registry
 from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.registry import ANNOUNCED, announce, engine_class
 from trebucheck.models.kinematics import Kinematics
@@ -93,6 +96,111 @@ def _forgotten(monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[repo
 def test_a_class_that_lacks_a_member_is_refused_by_its_name(cls: str, told: str) -> None:
     with pytest.raises(tb.InputError, match=told):
         announce(f"{__name__}:{cls}")
+
+
+class RaisingPresets(OwnVersion):
+    @classmethod
+    def presets(cls) -> Any:
+        raise RuntimeError("no licence")
+
+
+class NumberOfPresets(OwnVersion):
+    @classmethod
+    def presets(cls) -> Any:
+        return 3
+
+
+class ExitingVersion(OwnVersion):
+    @classmethod
+    def version(cls) -> str:
+        os._exit(0)
+
+
+class NoTables(OwnVersion):
+    tables: ClassVar[Any] = 3
+
+
+class PackageOfNone(_Named):
+    package: ClassVar[Any] = None
+    capabilities: ClassVar[tb.Capabilities] = NoPackage.capabilities
+
+
+class RaisingOnceMade(OwnVersion):
+    name: ClassVar[str] = "raising-once-made"
+
+    def __init__(self, **_: object) -> None:
+        raise LookupError("no such device")
+
+
+@pytest.mark.parametrize(
+    ("cls", "told"),
+    [
+        ("RaisingPresets", r"presets\(\) of its class raises RuntimeError: no licence"),
+        ("NumberOfPresets", r"presets\(\) of its class gives 3; makers by name is needed"),
+        ("ExitingVersion", r"version\(\) of its class raises SystemExit: 0"),
+        ("NoTables", r"study\(\) of its class gives 3"),
+        ("PackageOfNone", r"version\(\) of its class raises"),
+    ],
+)
+def test_a_member_that_raises_or_gives_something_else_is_named(cls: str, told: str) -> None:
+    with pytest.raises(tb.InputError, match=told):
+        announce(f"{__name__}:{cls}")
+
+
+def test_an_engine_that_cannot_be_made_is_named_with_its_preset() -> None:
+    name = announce(f"{__name__}:RaisingOnceMade")
+    with pytest.raises(tb.InputError, match=f"{name}.*'assisted': LookupError: no such device"):
+        tb.engine(name)
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("import sys; sys.exit(0)", "on import it ends the process, with exit code 0"),
+        ("import os; os._exit(0)", "on import it ends the process, with exit code 0"),
+        ("raise BaseException('odd')", "BaseException: odd"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("Engine = {}", r"leads to \{\}; a class is needed"),
+    ],
+)
+def test_a_module_that_cannot_be_imported_ends_nothing_and_leaves_the_list(
+    source: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The list of engines has it, with its reason, beside all others."""
+    (tmp_path / "odd_plug_in.py").write_text(source)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv(ANNOUNCED, "odd=odd_plug_in:Engine")
+    with pytest.raises(tb.InputError, match=told):
+        engine_class("odd")
+    listed = tb.engines()
+    assert re.search(told, listed["odd"].broken) and not listed["odd"].installed
+    assert not any(status.broken for name, status in listed.items() if name != "odd")
+
+
+def test_a_path_of_another_form_is_named() -> None:
+    with pytest.raises(tb.InputError, match=r"'a b:E' is no path of a class"):
+        announce("a b:E")
+
+
+def test_ending_a_process_is_as_ever_once_all_threads_have_loaded_their_plug_ins() -> None:
+    own, inside = os._exit, Barrier(2, timeout=30)
+
+    def load(first: bool) -> None:
+        with registry._exit_raised():
+            inside.wait()
+            assert os._exit is not own
+            if not first:
+                inside.wait()  # the first has left
+        if first:
+            assert os._exit is not own
+            inside.wait()
+
+    threads = [Thread(target=load, args=(first,)) for first in (True, False)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert os._exit is own and not inside.broken
 
 
 def test_a_class_with_a_version_of_its_own_needs_no_package() -> None:

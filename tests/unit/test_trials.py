@@ -14,7 +14,7 @@ import pytest
 import trebucheck as tb
 from pydantic import JsonValue
 from trebucheck.comparisons.runs.metrics import measure
-from trebucheck.comparisons.runs.process import TimeLimitError
+from trebucheck.comparisons.runs.process import ProcessError, TimeLimitError
 from trebucheck.comparisons.runs.record import EngineRuns, RunRecord, curves_of
 from trebucheck.comparisons.runs.results import Metric, Outcome
 from trebucheck.comparisons.runs.runner import Runner
@@ -35,6 +35,7 @@ class Claims(plugin_engines.Echo):
 
     takes: float = SHORT
     fails_after: int = 1000
+    error: type[SimulationError] = SimulationError
     runs: list[float] = field(default_factory=list[float], compare=False)
 
     @property
@@ -46,7 +47,7 @@ class Claims(plugin_engines.Echo):
         if problem.duration > 1.0:  # not the one that warms up
             self.runs.append(problem.duration)
             if len(self.runs) > self.fails_after:
-                raise SimulationError("it fell over")
+                raise self.error("it fell over")
         return replace(found, provenance=replace(found.provenance, wall_time=self.takes))
 
 
@@ -98,6 +99,18 @@ def test_a_run_that_fails_is_not_repeated(trials: EngineRuns) -> None:
     found = trials.record(engine, repeats=3)
     assert found.message == "it fell over" and found.wall_times == () and len(engine.runs) == 1
     assert isinstance(trials.record(engine, repeats=3), RunRecord) and len(engine.runs) == 1
+
+
+@pytest.mark.parametrize("error", [SimulationError, ProcessError, TimeLimitError])
+def test_only_what_failed_for_its_process_is_made_again(
+    error: type[SimulationError], trials: EngineRuns
+) -> None:
+    """Where a study goes on, with the runs on disk."""
+    engine = Claims(timestep=0.01, fails_after=0, error=error)
+    assert trials.record(engine).process_failed is (error is not SimulationError)
+    again = EngineRuns(Runner(trials.mechanism), trials._store)
+    again.record(engine)
+    assert len(engine.runs) == (1 if error is SimulationError else 2)
 
 
 def test_the_reference_is_evaluated_once_a_grid(

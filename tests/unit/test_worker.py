@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
@@ -49,6 +48,10 @@ def _end(*_: object) -> None:
 
 def _exit(*_: object) -> None:
     sys.exit(3)
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _fill(*_: object) -> None:
@@ -100,6 +103,7 @@ FAULTS: dict[Callable[..., object], str] = {
     _crash: "it crashed: its process ended by itself (SIGSEGV).",
     _end: "it crashed: its process ended by itself (exit code 0).",
     _exit: "it ended its process: SystemExit(3).",
+    _interrupt: "it raised KeyboardInterrupt: .",
     _fill: "it ran out of memory: ",
     _fail: "_OddError: 1 and 2",
     _give_a_generator: "TypeError: cannot pickle 'generator' object",
@@ -123,6 +127,52 @@ def test_what_a_call_does_to_its_process_is_a_sentence(
     with pytest.raises((SimulationError, TypeError)) as caught:
         worker.call(fault, _Engine(), None)
     assert FAULTS[fault].removeprefix("TypeError: ") in str(caught.value)
+
+
+@pytest.mark.parametrize("fresh", [False, True])
+def test_what_is_no_error_of_a_call_ends_nothing_here(fresh: bool) -> None:
+    with Worker(60.0, fresh=fresh) as worker:
+        for fault in (_interrupt, _exit):
+            with pytest.raises(SimulationError, match=r"it (raised|ended)"):
+                worker.call(fault, _Engine(), None)
+
+
+@pytest.mark.parametrize("limit", [2147484.0, 1e308, math.inf])
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_limit_of_time_may_be_as_long_as_one_likes(limit: float, fresh: bool) -> None:
+    with Worker(limit, fresh=fresh) as worker:
+        assert worker.compute(float) == 0.0
+
+
+HANGING = """
+import os, time
+from trebucheck.comparisons.runs.process import Worker
+
+def hang():
+    print(os.getpid(), flush=True)
+    time.sleep(600)
+
+with Worker(600.0, fresh={fresh}) as worker:
+    worker.compute(hang)
+"""
+
+
+@linux
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_process_ends_with_the_one_that_started_it(fresh: bool) -> None:
+    """Also where that is killed, and can end nothing itself."""
+    script = [sys.executable, "-c", HANGING.format(fresh=fresh)]
+    with subprocess.Popen(script, stdout=subprocess.PIPE, text=True) as started:
+        assert started.stdout is not None
+        worker = int(started.stdout.readline())
+        os.kill(worker, 0)
+        started.kill()
+        # At the end of what holds standard output: of the worker, too
+        assert started.stdout.read() == ""
+    deadline = time.monotonic() + 5.0
+    while Path(f"/proc/{worker}").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{worker}").exists()
 
 
 @linux
@@ -207,10 +257,8 @@ class _Stillborn:
     def __init__(self, **_: object) -> None:
         self.ended = False
 
-    def submit(self, *_: object) -> Future[None]:
-        future = Future[None]()
-        future.set_exception(process.BrokenProcessPool("it ended"))
-        return future
+    def begin(self) -> None:
+        raise process.BrokenProcessPool("it ended")
 
     def shutdown(self, **_: object) -> None:
         self.ended = True
@@ -225,7 +273,7 @@ def test_a_process_that_does_not_start_is_a_failure_and_is_ended(
         pools.append(_Stillborn(**options))
         return pools[-1]
 
-    monkeypatch.setattr(process, "ProcessPoolExecutor", made)
+    monkeypatch.setattr(process, "_Process", made)
     with Worker() as worker:
         with pytest.raises(SimulationError, match="it crashed: its process ended by itself"):
             worker.call(_end, _Engine(), None)
