@@ -34,6 +34,7 @@ _PUBLIC = {
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
     "comparisons.recommend": "recommend",
+    "comparisons.runs.study": "cluster",
     "conformance.check": "check",
     "engines.protocol": "Capabilities Engine",
     "engines.registry": "engine engines",

@@ -9,6 +9,7 @@ from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
 from .comparisons.recommend import recommend
+from .comparisons.runs.study import cluster
 from .conformance.check import check
 from .engines.protocol import Capabilities, Engine
 from .engines.registry import engine, engines
@@ -92,6 +93,7 @@ __all__ = [
     "catapult",
     "certify",
     "check",
+    "cluster",
     "compare",
     "converge",
     "diff",

@@ -26,7 +26,7 @@ _WIDTH = 120
 
 @command(
     "models engines preset timestep duration until tolerance tolerances set beam option stop_law "
-    "sweep diagnose resume jobs timeout quiet json",
+    "sweep diagnose resume jobs cluster timeout quiet json",
     folder("report", "Folder for report, summary.md, results.json and trajectories."),
 )
 def compare_command(call: Call) -> bool:
@@ -54,7 +54,7 @@ def compare_command(call: Call) -> bool:
             store=store,
             progress=lambda case, done, of: show(f"{case.model}: {case.label}", done, of),
         )
-    results = comparison.results.made_by(call.command_line, store.most_jobs(call.jobs or 1))
+    results = comparison.results.made_by(call.command_line)
     comparison = replace(comparison, results=results)
     short = markdown.text(summary(results), signs=True)
     call.publish(

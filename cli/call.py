@@ -153,7 +153,16 @@ class Call:
             tolerances = {} if file is None else dict(ToleranceFile.load(file).tolerances)
             # Those of the command line go first.
             keywords["tolerances"] = tolerances | options.assignments(self.tolerance, "--tolerance")
-        for name in ("duration", "until", "stop_law", "timeout", "jobs", "diagnose", "sweep"):
+        for name in (
+            "duration",
+            "until",
+            "stop_law",
+            "timeout",
+            "jobs",
+            "cluster",
+            "diagnose",
+            "sweep",
+        ):
             if name in self.values:
                 keywords[name] = self.values[name]
         return keywords

@@ -209,6 +209,12 @@ OPTIONS = {
         int | None,
         None,
     ),
+    "cluster": option(
+        "--cluster",
+        "Dask cluster that makes the runs: its scheduler's address (tcp://HOST:PORT) or file.",
+        str | None,
+        None,
+    ),
     "diagnose": option(
         "--diagnose/--no-diagnose",
         "Look for the causes of exceeded tolerances; without it, compare takes less time.",

@@ -17,7 +17,7 @@ from ..engines.presets import SETTINGS
 from ..engines.protocol import Engine
 from ..engines.registry import Engines, Names, presets_of
 from ..engines.registry import engine as make_engine
-from ..models.errors import InputError, SimulationError, UnwritableError
+from ..models.errors import InputError, SimulationError
 from ..models.files import read_bytes
 from ..models.library.registry import Models
 from ..models.mechanism import Mechanism
@@ -217,8 +217,6 @@ class MachineRuns:
             trajectory = self._trajectory(case, engine)
             record = record.measured(trajectory, self.runner.measured(trajectory))
             return record, lambda: trajectory, self._errors(trajectory)
-        except UnwritableError:
-            raise
         except Exception as error:
             return record.failed(error), None, None
 
@@ -336,6 +334,7 @@ def compare(
     sweep: bool = False,
     timeout: float = 600.0,
     jobs: int | None = None,
+    cluster: Any = None,
     progress: Callable[[RunKey, int, int], None] | None = None,
     **more_options: Any,
 ) -> Comparison:
@@ -367,6 +366,9 @@ def compare(
         timeout: longest wait for one isolated run [s]; a longer run becomes a failed row.
         jobs: references, runs and diagnoses made at once, each in a process; the results but for
             wall times are the same in the same order.
+        cluster: Dask cluster that makes them instead: address of its scheduler, path of a scheduler
+            file, a `distributed.Client`, or what :func:`cluster` gives; as many at once as it has
+            threads.
         progress: called before each case with the number done and the number of all.
         more_options: further ones of `options`.
 
@@ -391,6 +393,7 @@ def compare(
         sweep=sweep,
         timeout=timeout,
         jobs=jobs,
+        cluster=cluster,
     )
     return compare_study(study, progress)
 
@@ -447,6 +450,7 @@ def compare_study(
             machines=tuple(machine.machine for machine in moved.values()),
             runs=tuple(each.run for each in finished.values()),
             pairs=tuple(pairs),
+            **study.times,
         ),
         OnDemand({name: lambda m=machine: m.runner.solution for name, machine in moved.items()}),
         OnDemand(motions),

@@ -602,7 +602,7 @@ def converge_study(study: Study, chosen: Sequence[str] | None = None) -> Studies
     for runs in solved:
         swept = [sweep for sweep in sweeps if sweep.machine is runs]
         machines.append(_machine(runs, uncertainties[runs.mechanism.name], swept, absent))
-    return Studies.made_here(machines=tuple(machines), failures=failures, jobs=study.timed_at_once)
+    return Studies.made_here(machines=tuple(machines), failures=failures, **study.times)
 
 
 def parameter_names() -> tuple[str, ...]:

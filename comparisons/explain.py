@@ -714,7 +714,7 @@ def explain_study(study: Study) -> Explanation:
         budgets=tuple(each for each in parts if isinstance(each, Budget)),
         comparisons=tuple(each for each in parts if isinstance(each, PresetComparison)),
         failures=failures,
-        jobs=study.timed_at_once,
+        **study.times,
     )
 
 

@@ -34,7 +34,7 @@ from ..engines.protocol import Engine
 from ..engines.registry import Engines, engine, engine_class, engine_study, presets_of
 from ..engines.study import OptionSet
 from ..engines.supplied import only_read, stated
-from ..models.errors import InputError, TrebucheckError
+from ..models.errors import InputError, StudyEndedError, TrebucheckError
 from ..models.library.registry import Model, models, parameters_type
 from ..models.library.registry import model as named_model
 from ..models.mechanism import Body, Mechanism
@@ -860,6 +860,8 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
             machine, changes = neighbour
             try:
                 runs = case(machine, until, predictable)
+            except StudyEndedError:
+                raise
             except TrebucheckError:
                 return None
             if not meets_again and _meets_again(runs.trials):
@@ -896,7 +898,7 @@ def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) ->
         neighbours=tuple(rows),
         measured_neighbours=len(rows),
         engines=tuple(advice),
-        jobs=study.timed_at_once,
+        **study.times,
     )
 
 

@@ -25,8 +25,12 @@ class InputError(TrebucheckError, ValueError):
     """A value, option, name or file is not usable: the text names it and says what is valid."""
 
 
-class UnwritableError(InputError):
-    """A file or folder cannot be written: a study ends with it, since no engine is at fault."""
+class StudyEndedError(InputError):
+    """A study cannot go on, and no engine is at fault: it ends with this sentence."""
+
+
+class UnwritableError(StudyEndedError):
+    """A file or folder cannot be written."""
 
 
 class EngineNotInstalledError(TrebucheckError, ImportError):

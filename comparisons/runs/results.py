@@ -60,6 +60,9 @@ class ResultFile(Spec):
     jobs: int = optional(
         1, "runs made at once: with more than one, wall times include what they cost each other"
     )
+    shared: bool = optional(
+        False, "whether a cluster's workers made the runs: their times compare no engines then"
+    )
 
     @classmethod
     def made_here(cls, **content: Any) -> Self:

@@ -23,6 +23,7 @@ from ...models.arrays import FloatArray
 from ...models.errors import (
     EngineNotInstalledError,
     SimulationError,
+    StudyEndedError,
     TrebucheckError,
     UnsupportedProblemError,
     shortened,
@@ -275,7 +276,12 @@ def failure(error: Exception) -> tuple[Outcome, str]:
     """Outcome and message of a run that raised.
 
     A plug-in may raise anything, and a study must survive it.
+
+    Raises:
+        StudyEndedError: it was one.
     """
+    if isinstance(error, StudyEndedError):
+        raise error
     if not isinstance(error, TrebucheckError):
         return Outcome.FAILED, shortened(f"{type(error).__name__}: {error}")
     outcomes = (outcome for kind, outcome in _OUTCOMES.items() if isinstance(error, kind))

@@ -6,13 +6,14 @@ presets with the options of their runs.
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
-from typing import Any, Literal, Self, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
 from ...engines.presets import DEFAULT, PRESETS, SETTINGS
@@ -43,6 +44,9 @@ from .scales import Scales
 from .store import Store
 from .tolerances import DEFAULT as TOLERATED
 from .tolerances import Needs, machine_epsilon
+
+if TYPE_CHECKING:
+    from .cluster import Cluster
 
 _TAIL = 0.4  # of the compared time: the reference goes on, for events of engines that are late
 _SPANS = (2.0, 5.5, 16.0)  # characteristic times within which a release is looked for
@@ -163,6 +167,8 @@ class _HowRun(TypedDict, total=False):
     timeout: float  # longest wait for one run [s]
     jobs: int | None
     """Processes at once; if left out as many as cores are idle, or 1 where times are shown."""
+    cluster: Any
+    """Dask cluster on which runs are made, as :func:`cluster` takes it or gives it; None: here."""
     progress: Progress | None
     """Called before each part with what it is, the number of parts done and of all parts."""
 
@@ -217,6 +223,8 @@ class Study:
     # are idle in a study that shows no times but those it measures one at a time.
     jobs: int | None = None
     progress: Progress | None = None
+    cluster: Any = None  # as :func:`cluster` takes it; None: processes here
+    _leaves: bool = field(default=False, init=False)  # a cluster that was joined for this study
 
     @classmethod
     def of(
@@ -261,6 +269,7 @@ class Study:
     def __post_init__(self) -> None:
         if not self.timeout > 0:
             raise InputError(f"timeout = {self.timeout!r} s must be positive.")
+        self._join_cluster()
         if self.at_once < 1:
             raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
         if self.at_once > 1 and not self.isolate:
@@ -285,6 +294,15 @@ class Study:
         self.needs.refuse_unknown_subjects(self.mechanisms)
         if self.every_engine:  # without one it is a file that is judged
             self.needs.refuse_what_only_files_tell()
+
+    def _join_cluster(self) -> None:
+        if self.cluster is None:
+            return
+        if not self.isolate:
+            raise InputError("a cluster and isolate = False exclude each other.")
+        joined = cluster(self.cluster)
+        object.__setattr__(self, "_leaves", joined is not self.cluster)
+        object.__setattr__(self, "cluster", joined)
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
         """Law of a mechanism's stops: as asked for, else its problem's, else release-once."""
@@ -400,22 +418,55 @@ class Study:
     @property
     def at_once(self) -> int:
         """Processes at once."""
-        return 1 if self.jobs is None else self.jobs
+        if self.jobs is not None:
+            return self.jobs
+        return 1 if self.cluster is None else self.cluster.jobs
 
     def on_idle_cores(self) -> Study:
         """The study with as many processes as cores are idle, if nothing else is asked for."""
-        if self.jobs is not None or not self.isolate:
+        if self.jobs is not None or not self.isolate or self.cluster is not None:
             return self
         return replace(self, jobs=idle_cores())
 
     @property
-    def timed_at_once(self) -> int:
-        """Most runs at once when the runs were timed that were made or taken from the store."""
-        return self.at_once if self.store is None else self.store.most_jobs(self.at_once)
+    def times(self) -> dict[str, Any]:
+        """Fields of a :class:`.results.ResultFile` that tell what its times are worth.
+
+        They are the most runs at once when those were timed that were made or taken from the store,
+        and whether workers of a cluster made them.
+        """
+        at_once = self.at_once if self.store is None else self.store.most_jobs(self.at_once)
+        return {"jobs": at_once, "shared": self.cluster is not None}
 
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
+        if self.cluster is not None:
+            return self.cluster.worker(self.timeout, leaves=self._leaves)
         return Worker(self.timeout, self.isolate, self.at_once)
+
+
+def cluster(given: Any) -> Cluster:
+    """Join a Dask cluster, on which studies then make their runs (`compare(..., cluster=)`).
+
+    Args:
+        given: address of its scheduler (`tcp://HOST:PORT`), path of a scheduler file, or a
+            `distributed.Client`.
+
+    Returns:
+        The cluster, to be closed where it is joined by address or file (or in a `with` statement).
+
+    Raises:
+        InputError: Dask is not installed, no scheduler answers, it has no workers, or a worker has
+            other versions of trebucheck or of an engine; the sentence names host and versions.
+    """
+    if importlib.util.find_spec("distributed") is None:
+        raise InputError(
+            "a cluster needs Dask, which is not installed here; `pip install trebucheck[cluster]` "
+            "brings it."
+        )
+    from .cluster import Cluster  # which imports Dask
+
+    return Cluster.of(given)
 
 
 def least_step(made: Engine, scales: Scales) -> float:

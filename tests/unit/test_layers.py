@@ -173,6 +173,7 @@ ONE_IMPORTER = {
     "comparisons.diagnosis.*": "one means of a diagnosis each, read without the others",
     "comparisons.certify": "tb.certify, and its command",
     "comparisons.mjcf": "tb.mjcf, and its command",
+    "comparisons.runs.cluster": "all that imports Dask, which is an extra",
     "conformance.check": "tb.check, and the plug-in of pytest",
     "conformance.certificate": "the page of a conformance run; its command imports it",
     "conformance.skeleton": "files of a new plug-in; its command imports it",

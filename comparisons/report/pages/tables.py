@@ -243,7 +243,10 @@ def provenance(
         doc.Heading("Provenance", 2),
         doc.Note(f"{capital(result.machine_text)}."),
     ]
-    if result.jobs != 1:
+    if result.shared:
+        text = "Workers of a cluster made the runs: their times do not compare engines."
+        blocks.append(doc.Text(text))
+    elif result.jobs != 1:
         text = f"Wall times: {result.jobs} runs at once, which disturb each other."
         blocks.append(doc.Text(text))
     if result.command is not None:

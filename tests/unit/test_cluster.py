@@ -1,0 +1,126 @@
+"""Runs on a Dask cluster are those made here; what is wrong with a cluster is a sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.runs.results import Results
+from trebucheck.models.errors import SimulationError
+
+distributed = pytest.importorskip("distributed", reason="Dask is an extra: trebucheck[cluster]")
+
+pytestmark = pytest.mark.own_processes
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Any]:
+    """A cluster of two workers, each a process, over loopback."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
+    ) as cluster:
+        yield cluster
+
+
+@pytest.fixture(scope="module")
+def client(running: Any) -> Iterator[Any]:
+    with distributed.Client(running, set_as_default=False) as client:
+        yield client
+
+
+def _figures(results: Results) -> list[object]:
+    """All of the runs but for their times."""
+    times = dict.fromkeys(("wall_time", "processor_time", "reading_time"))
+    return [run.model_copy(update=times) for run in results.runs]
+
+
+def test_results_are_those_made_here_to_the_last_bit(running: Any) -> None:
+    """By the address of the scheduler, with a diagnosis among the calls."""
+    how: dict[str, Any] = {"presets": "default", "until": 0.4}
+    there = tb.compare("pendulum", ["mujoco", "pymunk"], cluster=running.scheduler_address, **how)
+    here = tb.compare("pendulum", ["mujoco", "pymunk"], **how)
+    assert _figures(there.results) == _figures(here.results)
+    assert any(run.diagnosis and run.diagnosis.causes for run in there.results.runs)
+    assert there.results.shared and there.results.jobs == 2 and not here.results.shared
+
+
+def _end_this_process(*_: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_crash_costs_its_call_and_no_worker(client: Any) -> None:
+    worker = tb.cluster(client).worker(60.0)
+    workers = set(client.scheduler_info()["workers"])
+    with pytest.raises(SimulationError, match="crashed: its process ended by itself"):
+        worker.call(_end_this_process, tb.engine("reference"), None)
+    assert worker.compute(float) == 0.0
+    assert set(client.scheduler_info()["workers"]) == workers
+
+
+def test_other_versions_there_are_named_with_their_host(client: Any) -> None:
+    joined = tb.cluster(client)
+    for change, told in (
+        ({"trebucheck": "0.0.9"}, "trebucheck is .* and 0.0.9 on"),
+        ({"code": "abc"}, "the code of trebucheck is .* and abc on"),
+        ({"engines": {"mujoco": "3.0"}}, "engine 'mujoco' is .* and 3.0 on"),
+    ):
+        joined.versions = replace(joined.versions, **change)
+        with pytest.raises(tb.InputError, match=told):
+            joined.refuse_other_versions()
+        with pytest.raises(tb.InputError, match=told):  # of a worker that joined later
+            joined.worker(60.0).compute(float)
+        joined = tb.cluster(client)
+    # One that is not there: its runs are refused where they are asked for
+    joined.versions = replace(joined.versions, engines={"another": "1"})
+    joined.refuse_other_versions()
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("tcp://127.0.0.1:9", "no scheduler answers there"),
+        ("nowhere", "no scheduler answers there"),
+        ("absent.json", "there is no such scheduler file"),
+    ],
+)
+def test_a_cluster_that_is_not_there_is_a_sentence(
+    given: str, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trebucheck.comparisons.runs.cluster._CONNECT", 0.5)
+    with pytest.raises(tb.InputError, match=told):
+        tb.compare("pendulum", "mujoco", cluster=given)
+
+
+def test_a_cluster_serves_several_studies_until_it_is_left(running: Any) -> None:
+    how: dict[str, Any] = {"presets": "default", "until": 0.05, "diagnose": False}
+    with tb.cluster(running.scheduler_address) as joined:
+        for _ in range(2):
+            assert tb.compare("pendulum", "mujoco", cluster=joined, **how).results.shared
+    assert joined.client.status == "closed"
+
+
+def test_a_scheduler_file_is_an_address(client: Any, tmp_path: Path) -> None:
+    file = tmp_path / "scheduler.json"
+    file.write_text(json.dumps({"address": client.scheduler.address}))
+    joined = tb.cluster(file)
+    assert joined.is_own and joined.jobs == 2
+    joined.close()
+
+
+def test_a_lost_scheduler_ends_a_study_with_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trebucheck.comparisons.runs.cluster._CONNECT", 2.0)
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as cluster:
+        worker = tb.cluster(cluster.scheduler_address).worker(60.0)
+        assert worker.compute(float) == 0.0
+    with pytest.raises(tb.InputError, match=r"is lost .* --resume"):
+        worker.compute(float)
+    worker.close()
