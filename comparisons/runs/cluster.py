@@ -82,7 +82,8 @@ def versions_here() -> Versions:
 class Cluster:
     """A Dask cluster on which calls are made; as a context manager it is left at the end."""
 
-    client: Client
+    client: Any
+    """A distributed.Client (whose methods are coroutines to type checkers)."""
     is_own: bool = False
     """Whether the client was made here, and is closed where the cluster is left."""
     versions: Versions = field(default_factory=versions_here)
@@ -164,7 +165,7 @@ def _connected(given: object) -> Client:
     is_file = isinstance(given, Path) or text.endswith(".json")
     if is_file and not Path(text).is_file():
         raise InputError(f"cluster {text!r}: there is no such scheduler file.")
-    where = {"scheduler_file": text} if is_file else {"address": text}
+    where: dict[str, Any] = {"scheduler_file": text} if is_file else {"address": text}
     try:
         return Client(**where, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
