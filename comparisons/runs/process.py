@@ -31,7 +31,7 @@ from queue import SimpleQueue
 from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
-from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky import ProcessPoolExecutor, process_executor
 from joblib.externals.loky.backend.reduction import dumps
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
@@ -127,7 +127,7 @@ class _Process(ProcessPoolExecutor):
     """A process that makes calls; the thread that starts it lasts as long: it ends with both."""
 
     def __init__(self) -> None:
-        super().__init__(max_workers=1, initializer=end_with_parent)
+        super().__init__(max_workers=1, initializer=_begin_process)
         self._starter = ThreadPoolExecutor(1, "starter")
 
     def begin(self) -> None:
@@ -316,6 +316,16 @@ def _no_interruption(runner: object, error: BaseException) -> SimulationError:
     """
     name = getattr(runner, "name", "it")
     return SimulationError(f"{name} raised {type(error).__name__}: {error}.")
+
+
+def _begin_process() -> None:
+    """Prepare a process that makes calls, before the first.
+
+    Where psutil is installed, loky ends a process that has grown by 300 MB, as if that were a leak,
+    and warns. The modules of engines and a reference are as large, and they are to stay.
+    """
+    end_with_parent()
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
 
 
 def end_with_parent() -> None:
