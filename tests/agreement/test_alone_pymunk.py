@@ -82,7 +82,7 @@ def test_the_defaults_are_pymunks_own() -> None:
     assert default.iterations == default.start_iterations == bare.iterations
     assert default.error_bias == joint.error_bias
     # A space has no step of its own: the first example of the README has 0.02 s.
-    readme = str(importlib.metadata.metadata("pymunk").get_payload())
+    readme = importlib.metadata.distribution("pymunk").read_text("METADATA") or ""
     first = readme.index("space.step(")
     assert readme[first:].startswith(f"space.step({default.timestep!r})")
 

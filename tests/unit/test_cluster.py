@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import signal
@@ -15,14 +16,22 @@ import trebucheck as tb
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.errors import SimulationError
 
-distributed = pytest.importorskip("distributed", reason="Dask is an extra: trebucheck[cluster]")
-
-pytestmark = pytest.mark.own_processes
+# Not imported here: with it comes importlib_metadata, which takes the place of Python's own for all
+# tests of the process.
+pytestmark = [
+    pytest.mark.own_processes,
+    pytest.mark.skipif(
+        importlib.util.find_spec("distributed") is None,
+        reason="Dask is an extra: trebucheck[cluster]",
+    ),
+]
 
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[Any]:
     """A cluster of two workers, each a process, over loopback."""
+    import distributed
+
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
     ) as cluster:
@@ -31,6 +40,8 @@ def running() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def client(running: Any) -> Iterator[Any]:
+    import distributed
+
     with distributed.Client(running, set_as_default=False) as client:
         yield client
 
@@ -115,6 +126,8 @@ def test_a_scheduler_file_is_an_address(client: Any, tmp_path: Path) -> None:
 
 
 def test_a_lost_scheduler_ends_a_study_with_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    import distributed
+
     monkeypatch.setattr("trebucheck.comparisons.runs.cluster._CONNECT", 2.0)
     with distributed.LocalCluster(
         n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
