@@ -189,7 +189,7 @@ def _refuse_unusable(name: str, cls: object) -> None:
 
 _METHODS: tuple[tuple[str, type, str], ...] = (
     ("presets", Mapping, "makers by name"),
-    ("version", str, "a text"),
+    ("version", object, "a text"),  # whether it is one is for `conform` to tell
     ("is_installed", bool, "True or False"),
     ("study", EngineStudy, "a trebucheck.engines.study.EngineStudy"),
 )
@@ -312,7 +312,7 @@ def engines() -> dict[str, EngineStatus]:
         except InputError as error:
             status[name] = EngineStatus(name, False, "broken", (), _UNKNOWN, str(error))
             continue
-        version, presets = cls.version(), tuple(cls.presets())
+        version, presets = str(cls.version()), tuple(cls.presets())
         status[name] = EngineStatus(name, cls.is_installed(), version, presets, cls.capabilities)
     return status
 
