@@ -325,7 +325,7 @@ def _begin_process() -> None:
     and warns. The modules of engines and a reference are as large, and they are to stay.
     """
     end_with_parent()
-    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize
+    process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # pyright: ignore[reportPrivateUsage]
 
 
 def end_with_parent() -> None:
