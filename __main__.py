@@ -20,14 +20,7 @@ _LEFT = 5.0  # [s] after the command's end for which threads of plug-ins are wai
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        arguments: of the command; None: those of the process.
-
-    Returns:
-        The exit code: 0, 1 (disagreement or a failed run), 2 (wrong input) or 130 (interrupted).
-    """
+    """Run the command line as :func:`.cli.app.main` does; say so where that cannot be loaded."""
     try:
         from .cli.app import main as run
     except KeyboardInterrupt:  # OpenBLAS raises it, too, where it can start no thread

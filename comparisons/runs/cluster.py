@@ -9,23 +9,21 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import pickle
 import platform
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, NoReturn, Self, cast
 
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, get_worker
-from joblib.externals.loky.backend.reduction import dumps
 
-from ...engines.registry import ANNOUNCED, EngineStatus, engines
+from ...engines.registry import ANNOUNCED, EngineStatus, engine_class, engines
 from ...models.errors import InputError, StudyEndedError
 from ...version import __version__
-from .process import ProcessError, Worker
-from .store import code_digest
+from .process import ProcessError, Worker, answer_to, call_as_bytes, result_of
+from .store import code_digest, engine_digest
 
 Given = Any
 """An address such as 'tcp://host:8786', the path of a scheduler file, or a distributed.Client."""
@@ -44,7 +42,7 @@ class Versions:
     """Digest of trebucheck's code."""
     python: str
     engines: Mapping[str, str]
-    """Versions of the installed engines, by name."""
+    """Versions of the installed engines and digests of their adapters, by name."""
 
     def difference(self, there: Versions) -> str | None:
         """Tell what is another version there, in a part of a sentence; None: nothing is.
@@ -74,7 +72,11 @@ def versions_here() -> Versions:
         __version__,
         code_digest("models", "reference", "engines", "comparisons")[:12],
         ".".join(platform.python_version_tuple()[:2]),
-        {name: status.version for name, status in found.items() if status.installed},
+        {
+            name: f"{status.version} (adapter {engine_digest(engine_class(name).__module__)[:8]})"
+            for name, status in found.items()
+            if status.installed
+        },
     )
 
 
@@ -86,6 +88,8 @@ class Cluster:
     """A distributed.Client (whose methods are coroutines to type checkers)."""
     is_own: bool = False
     """Whether the client was made here, and is closed where the cluster is left."""
+    is_of_study: bool = False
+    """Whether it was joined for one study, and is left with its worker."""
     versions: Versions = field(default_factory=versions_here)
 
     @classmethod
@@ -131,21 +135,21 @@ class Cluster:
                 )
             difference = self.versions.difference(answer)
             if difference is not None:
-                raise InputError(f"{difference}; the same is needed wherever runs are made.")
+                _refuse(difference)
 
     @property
     def address(self) -> str:
         """Address of the scheduler."""
         return str(self.client.scheduler.address)
 
-    def worker(self, timeout: float, fresh: bool = False, leaves: bool = False) -> ClusterWorker:
-        """What makes calls on the cluster that take `timeout` seconds at most.
+    def worker(self, timeout: float, fresh: bool = False) -> ClusterWorker:
+        """Make a worker whose calls are made on the cluster.
 
         Args:
+            timeout: longest wait for a call [s].
             fresh: whether each call has a process that nothing was run in before.
-            leaves: whether the cluster is left with the last call.
         """
-        return ClusterWorker(timeout, jobs=self.jobs, fresh=fresh, cluster=self, leaves=leaves)
+        return ClusterWorker(timeout, jobs=self.jobs, fresh=fresh, cluster=self)
 
     def close(self) -> None:
         """Leave the cluster, where it was joined here; it goes on itself."""
@@ -180,18 +184,17 @@ class ClusterWorker(Worker):
     """Makes calls on a cluster; a :class:`.process.Worker` there makes each in a process."""
 
     cluster: Cluster | None = None
-    leaves: bool = False  # the cluster, when it is closed
 
     def _isolated(self, function: Callable[..., Any], runner: Any, given: Any) -> Any:
         assert self.cluster is not None
-        call = bytes(dumps((function, (runner, given))))
+        call = call_as_bytes(function, runner, given)
         announced = os.environ.get(ANNOUNCED, "")
         client, here = self.cluster.client, self.cluster.versions
         try:
             future = client.submit(
                 _call_there, call, self.timeout, self.fresh, announced, here, pure=False
             )
-            result, error = pickle.loads(future.result())
+            answer = future.result()
         except KilledWorker:
             message = f"{runner.name} was not run: the workers that began with it were lost."
             raise ProcessError(message) from None
@@ -200,14 +203,12 @@ class ClusterWorker(Worker):
                 f"the cluster {self.cluster.address} is lost ({error}); what was finished is kept, "
                 "and --resume goes on from there."
             ) from None
-        if error is not None:
-            raise error
-        return result
+        return result_of(answer)
 
     def close(self) -> None:
-        """Leave the cluster, if that is asked for."""
+        """Leave the cluster, if it was joined for this worker's study."""
         super().close()
-        if self.cluster is not None and self.leaves:
+        if self.cluster is not None and self.cluster.is_of_study:
             self.cluster.close()
 
 
@@ -245,11 +246,10 @@ def _call_there(call: bytes, timeout: float, fresh: bool, announced: str, here: 
     os.environ[ANNOUNCED] = announced
     difference = here.difference(_versions_there())  # of workers that joined later
     if difference is not None:
-        error = StudyEndedError(f"{difference}; the same is needed wherever runs are made.")
-        return bytes(dumps((None, error)))
-    worker = _worker_there(timeout, fresh, get_worker().state.nthreads)
-    function, (runner, given) = pickle.loads(call)
-    try:
-        return bytes(dumps((worker.call(function, runner, given), None)))
-    except Exception as error:
-        return bytes(dumps((None, error)))
+        return answer_to(call, partial(_refuse, difference))
+    return answer_to(call, _worker_there(timeout, fresh, get_worker().state.nthreads).call)
+
+
+def _refuse(difference: str, *_: object) -> NoReturn:
+    """Raise the error of a worker that has another version."""
+    raise StudyEndedError(f"{difference}; the same is needed wherever runs are made.")

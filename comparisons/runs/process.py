@@ -230,8 +230,7 @@ class Worker:
     def _forked(
         self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object
     ) -> _Result:
-        # As bytes, so that only the process that makes the call loads what it is made of
-        call = bytes(dumps((function, (runner, given))))
+        call = call_as_bytes(function, runner, given)
         future = _submitted(pool, _call_forked, call, self.timeout, self._imports)
         answer, ended, safe = future.result(self.timeout + _START)
         if not safe:
@@ -242,10 +241,7 @@ class Worker:
         if answer is None:
             how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
             raise ProcessError(f"{runner.name} crashed: its process ended by itself{how}.")
-        result, error = pickle.loads(answer)
-        if error is not None:
-            raise error
-        return cast("_Result", result)
+        return cast("_Result", result_of(answer))
 
     def _start(self) -> Any:
         pool = _Process()
@@ -399,7 +395,7 @@ def _make(call: bytes, pipe: Connection) -> None:
         with suppress(OSError):
             Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
         before = set(sys.modules)
-        answer = _answer(call)
+        answer = answer_to(call)
         sys.stdout.flush()
         sys.stderr.flush()
         pipe.send_bytes(answer)
@@ -408,12 +404,31 @@ def _make(call: bytes, pipe: Connection) -> None:
         os._exit(0)
 
 
-def _answer(call: bytes) -> bytes:
-    """Result and error of a call, one of them None."""
+def call_as_bytes(function: Callable[..., object], runner: object, given: object) -> bytes:
+    """Pickle a call: only the process that makes it loads what it is made of."""
+    return bytes(dumps((function, (runner, given))))
+
+
+def result_of(answer: bytes) -> Any:
+    """Unpickle the result of a call; raises the error that it raised."""
+    result, error = pickle.loads(answer)
+    if error is not None:
+        raise error
+    return result
+
+
+def answer_to(call: bytes, make: Callable[..., object] | None = None) -> bytes:
+    """Make a call, and pickle its result and its error, one of them None.
+
+    Args:
+        call: of :func:`call_as_bytes`.
+        make: calls the function, its first argument, with the others; None: here.
+    """
     given: tuple[object, ...] = (None,)
     try:
         function, given = pickle.loads(call)
-        return bytes(dumps((function(*given), None)))
+        result = function(*given) if make is None else make(function, *given)
+        return bytes(dumps((result, None)))
     except Exception as error:
         try:
             answer = bytes(dumps((None, error)))

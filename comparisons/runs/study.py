@@ -224,7 +224,6 @@ class Study:
     jobs: int | None = None
     progress: Progress | None = None
     cluster: Any = None  # as :func:`cluster` takes it; None: processes here
-    _leaves: bool = field(default=False, init=False)  # a cluster that was joined for this study
 
     @classmethod
     def of(
@@ -301,7 +300,7 @@ class Study:
         if not self.isolate:
             raise InputError("a cluster and isolate = False exclude each other.")
         joined = cluster(self.cluster)
-        object.__setattr__(self, "_leaves", joined is not self.cluster)
+        joined.is_of_study = joined.is_of_study or joined is not self.cluster
         object.__setattr__(self, "cluster", joined)
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
@@ -441,7 +440,7 @@ class Study:
     def worker(self) -> Worker:
         """The processes in which engines run; this one, unless they are isolated."""
         if self.cluster is not None:
-            return self.cluster.worker(self.timeout, leaves=self._leaves)
+            return self.cluster.worker(self.timeout)
         return Worker(self.timeout, self.isolate, self.at_once)
 
 

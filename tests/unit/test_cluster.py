@@ -66,6 +66,22 @@ def _end_this_process(*_: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+class _OddError(Exception):
+    """Is not made again from its text."""
+
+    def __init__(self, one: int, other: int) -> None:
+        super().__init__(f"{one} and {other}")
+
+
+def _fail(*_: object) -> None:
+    raise _OddError(1, 2)
+
+
+def test_an_error_that_cannot_be_sent_is_its_text(client: Any) -> None:
+    with pytest.raises(SimulationError, match="_OddError: 1 and 2"):
+        tb.cluster(client).worker(60.0, fresh=True).call(_fail, tb.engine("reference"), None)
+
+
 def test_a_crash_costs_its_call_and_no_worker(client: Any) -> None:
     worker = tb.cluster(client).worker(60.0)
     workers = set(client.scheduler_info()["workers"])
