@@ -104,7 +104,7 @@ def judge_command(call: Call) -> bool:
 
 
 @command(
-    "engine tier problem deviations timeout quiet json",
+    "engine tier problem deviations cluster timeout quiet json",
     folder("conformance", "Folder for certificate.html, badge.svg and conformance.json."),
     engine=argument(
         "NAME, NAME/PRESET, or package.module:Class of an engine that is not installed.",
@@ -143,6 +143,7 @@ def conform_command(call: Call) -> bool:
         "timeout": call.timeout,
         "json": None,
         "deviations": call.deviations,
+        "cluster": call.cluster,
     }
     session = Session.of([call.engine], given, Path.cwd())
     refuse_unwritable(call.out)

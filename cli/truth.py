@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @command(
-    "models set beam duration timeout quiet json",
+    "models set beam duration cluster timeout quiet json",
     folder("certificates", "Folder for one JSON file and one page a machine."),
     json=option("--json", "Print the certificates as a JSON array, and nothing else.", bool, False),
 )
@@ -69,6 +69,7 @@ def certify_command(call: Call) -> bool:
                     call.whipper(name),
                     duration=call.duration,
                     timeout=call.timeout,
+                    cluster=call.cluster,
                     command=shlex.join(line),
                     progress=lambda what, done, of, m=mechanism, show=show: show(
                         f"{m.name}: {what}", done, of

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 from ..models.library.registry import Model, model_of
 from ..models.library.trebuchet import TrebuchetParameters
 from ..models.problem import Problem, StopLaw
 from ..reference.certification import certify as certification
 from ..reference.certification.certificate import Certificate
-from .runs.process import Worker
 from .runs.study import Progress, Study
 
 
@@ -20,6 +20,7 @@ def certify(
     duration: float | None = None,
     stop_law: StopLaw | str | None = None,
     timeout: float = 600.0,
+    cluster: Any = None,
     progress: Progress | None = None,
     command: str = "",
 ) -> Certificate:
@@ -37,6 +38,7 @@ def certify(
         duration: of the certified motion [s]; a problem's own, else up to the launch, if left out.
         stop_law: a problem's own, else 'release-once', if left out.
         timeout: longest wait for one computation [s].
+        cluster: Dask cluster that computes instead, as :func:`cluster` takes it.
         progress: called before each computation.
         command: line that makes the same certificate, to be written into it.
 
@@ -45,11 +47,11 @@ def certify(
         SimulationError: the motion could not be computed.
     """
     given = model_of(model, parameters)
-    study = Study([given], [], stop_law=stop_law)
+    study = Study([given], [], stop_law=stop_law, timeout=timeout, cluster=cluster)
     (mechanism,) = study.mechanisms
     if duration is None and isinstance(given, Problem):
         duration = given.duration
-    with Worker(timeout) as worker:
+    with study.worker() as worker:
         make = partial(
             certification.certify,
             mechanism,

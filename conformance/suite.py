@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from ..comparisons.runs.quantities import JUDGED
 from ..comparisons.runs.results import FAILURES, Metric, Outcome, Run
 from ..comparisons.runs.runner import refuse_invalid
 from ..comparisons.runs.study import Study
+from ..comparisons.runs.study import cluster as join
 from ..engines import registry
 from ..engines.presets import ASSISTED, FORMER_NAMES, PRESETS, resolved
 from ..engines.protocol import Capabilities, Engine
@@ -37,6 +38,9 @@ from ..models.mechanism import Mechanism
 from ..models.problem import Problem, StopLaw
 from ..models.trajectory import Trajectory
 from .verdicts import CheckState, CheckVerdict, Conformance, Deviations
+
+if TYPE_CHECKING:
+    from ..comparisons.runs.cluster import Cluster
 
 QUICK = ("catapult", "double-pendulum", "fixed", "stopped-pendulum")
 STANDARD = (
@@ -345,6 +349,7 @@ class Suite:
         timeout: longest wait for one run [s].
         required: whether an engine that is not installed fails.
         isolate: make each call of it in a process of its own.
+        cluster: that makes the calls; None: processes here.
     """
 
     def __init__(
@@ -355,10 +360,13 @@ class Suite:
         timeout: float = 120.0,
         required: bool = False,
         isolate: bool = True,
+        cluster: Cluster | None = None,
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
         self._references = {} if references is None else references
         self._worker = Worker(timeout, isolate, fresh=True)
+        if cluster is not None:
+            self._worker = cluster.worker(timeout, fresh=True)
         self._verdicts: dict[str, dict[str, CheckVerdict]] = {}
         self._diagnosed = 0
 
@@ -548,11 +556,18 @@ class Session:
         tier: of the problems.
         deviations: known ones.
         path: where the verdicts are written; None: nowhere.
+        joined: cluster that is left when the session is closed; None: there is none.
     """
 
     def __init__(
-        self, suites: Sequence[Suite], tier: str, deviations: Deviations, path: Path | None = None
+        self,
+        suites: Sequence[Suite],
+        tier: str,
+        deviations: Deviations,
+        path: Path | None = None,
+        joined: Cluster | None = None,
     ) -> None:
+        self._joined = joined
         self._suites, self._tier = tuple(suites), tier
         self._deviations, self._path = deviations, path
         self._by_id = {id: suite for suite in self._suites for id in suite.ids}
@@ -576,7 +591,8 @@ class Session:
         Args:
             engines: as :meth:`Target.of` reads them.
             options: 'tier', 'problem' (names, comma-separated; those of the tier where empty),
-                'timeout' [s], 'deviations' and 'json' (paths, or None).
+                'timeout' [s], 'deviations' and 'json' (paths, or None), and 'cluster', if any, as
+                :func:`.cluster` takes it.
             folder: in which packages of engines that are not installed, and files, are looked for.
             required: engines that fail if they are not installed.
 
@@ -599,10 +615,21 @@ class Session:
         if path:
             refuse_unwritable(path.parent, path.name)
         references: dict[str, MachineRuns] = {}
+        asked = options.get("cluster")
+        joined = None if asked is None else join(asked)
         suites = [
-            Suite(t, names, references, options["timeout"], t.engine in required) for t in targets
+            Suite(
+                target,
+                names,
+                references,
+                options["timeout"],
+                target.engine in required,
+                cluster=joined,
+            )
+            for target in targets
         ]
-        return cls(suites, "chosen" if options["problem"] else options["tier"], deviations, path)
+        tier = "chosen" if options["problem"] else options["tier"]
+        return cls(suites, tier, deviations, path, joined)
 
     def judged(self, id: str) -> CheckVerdict:
         """The verdict on a check, or on a row of the file of deviations."""
@@ -647,3 +674,5 @@ class Session:
         """End the engines' processes."""
         for suite in self._suites:
             suite.close()
+        if self._joined is not None:
+            self._joined.close()

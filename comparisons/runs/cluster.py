@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import platform
-import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
@@ -19,65 +17,16 @@ from typing import Any, NoReturn, Self, cast
 
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, get_worker
 
-from ...engines.registry import ANNOUNCED, EngineStatus, engine_class, engines
+from ...engines.registry import ANNOUNCED
 from ...models.errors import InputError, StudyEndedError
-from ...version import __version__
 from .process import ProcessError, Worker, answer_to, call_as_bytes, result_of
-from .store import code_digest, engine_digest
+from .versions import Versions, versions_here
 
 Given = Any
 """An address such as 'tcp://host:8786', the path of a scheduler file, or a distributed.Client."""
 
 _CONNECT = 30.0  # [s] longest wait for a scheduler
 _WORKERS = 60.0  # [s] longest wait for its first worker
-
-
-@dataclass(frozen=True)
-class Versions:
-    """Versions on one machine: what is to be the same wherever runs are made."""
-
-    host: str
-    trebucheck: str
-    code: str
-    """Digest of trebucheck's code."""
-    python: str
-    engines: Mapping[str, str]
-    """Versions of the installed engines and digests of their adapters, by name."""
-
-    def difference(self, there: Versions) -> str | None:
-        """Tell what is another version there, in a part of a sentence; None: nothing is.
-
-        An engine that is installed on one of both alone is no difference: there its runs are
-        refused.
-        """
-        for what, own, other in (
-            ("trebucheck", self.trebucheck, there.trebucheck),
-            ("the code of trebucheck", self.code, there.code),
-            ("Python", self.python, there.python),
-        ):
-            if own != other:
-                return f"{what} is {other} on {there.host} and {own} on {self.host}"
-        for name, own in self.engines.items():
-            other = there.engines.get(name, own)
-            if own != other:
-                return f"engine {name!r} is {other} on {there.host} and {own} on {self.host}"
-        return None
-
-
-def versions_here() -> Versions:
-    """Versions in this process."""
-    found: dict[str, EngineStatus] = engines()
-    return Versions(
-        socket.gethostname(),
-        __version__,
-        code_digest("models", "reference", "engines", "comparisons")[:12],
-        ".".join(platform.python_version_tuple()[:2]),
-        {
-            name: f"{status.version} (adapter {engine_digest(engine_class(name).__module__)[:8]})"
-            for name, status in found.items()
-            if status.installed
-        },
-    )
 
 
 @dataclass
