@@ -84,6 +84,29 @@ def _declared(kind: Any, info: Any, default: Any) -> Parameter:
     return Parameter("_", Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, info])
 
 
+def _of_kind(kind: Any) -> dict[str, Any]:
+    """Reader of a number, whose complaint names the text."""
+    if kind in (float, float | None):
+        return {"parser": _real}
+    if kind in (int, int | None):
+        return {"parser": _whole}
+    return {}
+
+
+def _real(text: str | float) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a number.") from None
+
+
+def _whole(text: str | int) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is not a whole number.") from None
+
+
 def option(
     flags: str,
     help: str,
@@ -102,7 +125,7 @@ def option(
         names: what shells complete it with.
         info: further arguments of `typer.Option`.
     """
-    info |= {"help": help, "autocompletion": _completion(names)}
+    info = _of_kind(kind) | info | {"help": help, "autocompletion": _completion(names)}
     return _declared(kind, typer.Option(*flags.split(), **info), default)
 
 
@@ -114,7 +137,7 @@ def argument(
     **info: Any,
 ) -> Parameter:
     """Declare an argument; without a default it must be given. See :func:`option`."""
-    info |= {"help": help, "autocompletion": _completion(names)}
+    info = _of_kind(kind) | info | {"help": help, "autocompletion": _completion(names)}
     return _declared(kind, typer.Argument(**info), default)
 
 

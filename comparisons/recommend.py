@@ -54,7 +54,7 @@ __path__: list[str] = []  # names of earlier releases below this module: see ren
 FORMAT = "trebucheck-recommend-1"
 
 
-class Asked(Spec):
+class Accuracy(Spec):
     """Errors that must not be exceeded; None: anything will do.
 
     Raises:
@@ -187,7 +187,7 @@ class Advice(Reported, ComparedMotion, ResultFile):
     launch_time: Real | None = Field(
         default=None, description="of the reference [s]; None: none, or later"
     )
-    asked: Asked
+    asked: Accuracy
     rule: str = Field(description="what the settings were measured on")
     neighbours: tuple[NeighbourMachine, ...]
     measured_neighbours: Annotated[int, Field(ge=0)] = Field(
@@ -229,7 +229,7 @@ class TargetedRuns:
     """Runs on one machine, and the errors that they may have."""
 
     trials: EngineRuns
-    target: Asked
+    target: Accuracy
 
     @cached_property
     def largest_torque(self) -> float:
@@ -805,11 +805,11 @@ def recommend(
     if position is None and torque is None and release is None:
         raise InputError("nothing is asked; give at least one of position, torque and release.")
     text = torque if isinstance(torque, str | None) else repr(float(torque))
-    asked = Asked(position=position, release=release, **(read_torque(text) if text else {}))
+    asked = Accuracy(position=position, release=release, **(read_torque(text) if text else {}))
     return recommend_study(Study.of(model, engines, **how), asked, neighbours)
 
 
-def recommend_study(study: Study, asked: Asked, neighbours: int = NEIGHBOURS) -> Advice:
+def recommend_study(study: Study, asked: Accuracy, neighbours: int = NEIGHBOURS) -> Advice:
     """Search settings for a study of one model; see :func:`recommend`.
 
     Of a mechanism of your own masses and gravity are varied. The study's presets and options are

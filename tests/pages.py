@@ -16,7 +16,7 @@ from trebucheck.comparisons.diff import diff
 from trebucheck.comparisons.explain import explain_study
 from trebucheck.comparisons.matrix import Matrix
 from trebucheck.comparisons.problems import check
-from trebucheck.comparisons.recommend import Asked, recommend_study
+from trebucheck.comparisons.recommend import Accuracy, recommend_study
 from trebucheck.comparisons.report.document import Document
 from trebucheck.comparisons.report.pages import compare as compare_report
 from trebucheck.comparisons.report.pages import converge as converge_report
@@ -76,7 +76,7 @@ def _throw() -> Document:
 
 def _recommend() -> Document:
     found = recommend_study(
-        Study(["pendulum"], ["pymunk"], isolate=False), Asked(position=1e-2), neighbours=0
+        Study(["pendulum"], ["pymunk"], isolate=False), Accuracy(position=1e-2), neighbours=0
     )
     return recommend_report.document(found)
 

@@ -13,8 +13,8 @@ import pytest
 import trebucheck as tb
 from conftest import again, fewer
 from trebucheck.comparisons.recommend import (
+    Accuracy,
     Advice,
-    Asked,
     TargetedRuns,
     configured,
     option_sets,
@@ -32,7 +32,7 @@ from trebucheck.models.mjcf.writer import mjcf, mjcf_names, torque_sensor
 from trebucheck.models.spec import schema_text
 
 BUILDERS = {"fixed": tb.fixed, "rolling": tb.rolling}
-ASKED = Asked(position=0.1, torque_share=0.01)
+ASKED = Accuracy(position=0.1, torque_share=0.01)
 NEIGHBOURS, FRESH = fewer((6, 5), (4, 3))  # the command takes more: a matter of the tests' time
 RANGES = {
     "l1": (7.0, 12.0), "l2": (2.5, 5.0), "r": (4.0, 8.0), "h": (6.0, 12.0), "m_b": (30.0, 150.0),
@@ -114,7 +114,7 @@ def test_a_mechanism_of_ones_own_gets_advice() -> None:
     mechanism = tb.fixed().model_copy(update={"name": "own"})
     found = recommend_study(
         Study([mechanism], ["mujoco"], until=1.5, isolate=False),
-        Asked(position=0.1),
+        Accuracy(position=0.1),
         neighbours=1,
     )
     assert found.engine("mujoco").choice is not None
@@ -129,7 +129,7 @@ def test_what_stands_in_the_way_of_pymunk_is_rounding() -> None:
     1e-6 N m of a torque of 8e4 is beyond it, however short the step.
     """
     found = recommend_study(
-        Study(["fixed"], ["pymunk"], isolate=False), Asked(torque=1e-6), neighbours=0
+        Study(["fixed"], ["pymunk"], isolate=False), Accuracy(torque=1e-6), neighbours=0
     ).engine("pymunk")
     assert found.choice is None and found.obstacle == "rounding", found.message
 

@@ -25,8 +25,8 @@ from trebucheck.comparisons import recommend as recommending
 from trebucheck.comparisons.recommend import (
     PYTHON,
     TIE,
+    Accuracy,
     Advice,
-    Asked,
     Ladder,
     Obstacle,
     Search,
@@ -96,9 +96,9 @@ def test_a_share_of_the_torque_is_each_machines_own() -> None:
     trials = cast(
         "EngineRuns", SimpleNamespace(solution=SimpleNamespace(motion=lambda _: motion), end=1.0)
     )
-    assert TargetedRuns(trials, Asked(torque_share=0.01)).allowed == {"torque": 2.0}
+    assert TargetedRuns(trials, Accuracy(torque_share=0.01)).allowed == {"torque": 2.0}
     with pytest.raises(tb.InputError, match="asked in N m and as a share"):
-        Asked(torque=1.0, torque_share=0.01)
+        Accuracy(torque=1.0, torque_share=0.01)
 
 
 # What is tried
@@ -230,7 +230,7 @@ def _search(
         )
         for f in factors
     ]
-    cases = [TargetedRuns(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
+    cases = [TargetedRuns(cast(EngineRuns, trials), Accuracy(position=1e-6)) for trials in made]
     search = Search("mujoco", cases, LADDER)
     return search, search.sweeps((PLAIN, DEAR)), made
 
@@ -307,7 +307,7 @@ def test_a_set_that_a_neighbour_makes_dearer_is_given_up() -> None:
     constants = {PLAIN.name: 1.0, DEAR.name: 1.0}
     made = [_Synthetic(f, constants, {PLAIN.name: 1.0, DEAR.name: 1.5}) for f in (1.0, 24.0)]
     made[1].constants = {PLAIN.name: 1.0, DEAR.name: 1e-3}
-    cases = [TargetedRuns(cast(EngineRuns, trials), Asked(position=1e-6)) for trials in made]
+    cases = [TargetedRuns(cast(EngineRuns, trials), Accuracy(position=1e-6)) for trials in made]
     search = Search("mujoco", cases, LADDER)
     sweeps = search.sweeps((PLAIN, DEAR), bound=1.6e3)
     assert sweeps[0].reached is None and "would cost more" in sweeps[0].note
@@ -415,7 +415,7 @@ def test_an_engine_that_is_not_here_is_a_row(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(ExudynEngine, "is_installed", classmethod(lambda _: False))
     advice = recommend_study(
-        Study(["fixed"], ["exudyn"], isolate=False), Asked(position=1e-3), neighbours=0
+        Study(["fixed"], ["exudyn"], isolate=False), Accuracy(position=1e-3), neighbours=0
     )
     assert advice.engine("exudyn").choice is None
     assert advice.engine("exudyn").message == "exudyn is not installed here."

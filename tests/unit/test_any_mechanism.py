@@ -18,7 +18,7 @@ import trebucheck as tb
 from mechanisms import chain, four_bar, hanging_bob
 from trebucheck.__main__ import main
 from trebucheck.comparisons import converge as converging
-from trebucheck.comparisons.recommend import Asked, recommend_study
+from trebucheck.comparisons.recommend import Accuracy, recommend_study
 from trebucheck.comparisons.report.html import page
 from trebucheck.comparisons.report.pages.converge import document
 from trebucheck.comparisons.runs.process import Worker
@@ -208,9 +208,11 @@ def test_a_motion_is_compared_up_to_its_predictability_horizon(
 def test_what_the_reference_does_not_do_cannot_be_asked() -> None:
     quick = Study([tb.fixed()], ["second"], until=0.1, isolate=False)
     with pytest.raises(InputError, match="no stop of 'fixed' releases within the compared"):
-        recommend_study(quick, Asked(release=1e-6), 0)
+        recommend_study(quick, Accuracy(release=1e-6), 0)
     with pytest.raises(InputError, match="has no stop that is closed at the start"):
-        recommend_study(Study([MACHINES["tip"]], ["second"], isolate=False), Asked(torque=1.0), 0)
+        recommend_study(
+            Study([MACHINES["tip"]], ["second"], isolate=False), Accuracy(torque=1.0), 0
+        )
 
 
 @pytest.mark.parametrize("until", ["release:hanger rest", "launch", "0.5"])
