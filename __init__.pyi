@@ -1,5 +1,6 @@
 """The public names for type checkers; `__init__.py` loads them when they are first asked for."""
 
+from .comparisons.campaigns.campaign import campaign, open_campaign
 from .comparisons.certify import certify
 from .comparisons.compare import compare
 from .comparisons.converge import converge
@@ -90,6 +91,7 @@ __all__ = [
     "UnsupportedProblemError",
     "WeldJoint",
     "__version__",
+    "campaign",
     "catapult",
     "certify",
     "check",
@@ -110,6 +112,7 @@ __all__ = [
     "mjcf_names",
     "mjcf_path",
     "model",
+    "open_campaign",
     "paper",
     "problem",
     "problems",

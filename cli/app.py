@@ -17,7 +17,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from ..models.errors import InputError, SimulationError, TrebucheckError, shortened
-from . import agree, catalogue, motion, truth, why
+from . import agree, campaign, catalogue, motion, truth, why
 from .output import printable
 
 app = typer.Typer(
@@ -74,6 +74,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
 for _panel, _commands in _COMMANDS.items():
     for _name, _command in _commands.items():
         app.command(_name, rich_help_panel=_panel)(_command)
+app.add_typer(campaign.campaign_app, name="campaign", rich_help_panel=_WHY)
 app.add_typer(catalogue.models_app, name="models", rich_help_panel=_THERE)
 app.add_typer(catalogue.plugin_app, name="plugin", rich_help_panel=_THERE)
 
@@ -84,7 +85,8 @@ def add_satellites(to: typer.Typer, points: Iterable[importlib.metadata.EntryPoi
     One that cannot be loaded says so when it is called, and spoils no other command. None takes the
     place of a command of trebucheck.
     """
-    own = {name for commands in _COMMANDS.values() for name in commands} | {"models", "plugin"}
+    own = {name for commands in _COMMANDS.values() for name in commands}
+    own |= {"campaign", "models", "plugin"}
     for point in points:
         if point.name in own:
             continue
@@ -223,7 +225,7 @@ def _interrupted() -> int:
     )
     print(
         f"interrupted; these commands keep the runs they have finished, and go on from there "
-        f"with --resume: {', '.join(commands)}.",
+        f"with --resume: {', '.join(commands)}; a campaign by `trebucheck campaign resume`.",
         file=sys.stderr,
     )
     return _INTERRUPTED

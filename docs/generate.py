@@ -22,6 +22,7 @@ import trebucheck as tb
 import typer
 from executed import refresh_notebook, refresh_page
 from trebucheck.cli.app import app
+from trebucheck.comparisons.campaigns.store import CampaignFile
 from trebucheck.comparisons.compare import Comparison, RunKey
 from trebucheck.comparisons.converge import Studies
 from trebucheck.comparisons.data.certified import names, publish
@@ -97,6 +98,7 @@ SCHEMAS = {
     "judgement": Judgement,
     "conformance": Conformance,
     "converge": Studies,
+    "campaign": CampaignFile,
     "explain": Explanation,
     "recommend": Advice,
 }

@@ -22,7 +22,7 @@ import numpy as np
 import plugin_engines
 import trebucheck as tb
 import wrong_engines
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.runs.results import Outcome, Run
 from trebucheck.models.elements import GROUND
 from trebucheck.models.features import Feature

@@ -37,9 +37,9 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 60700,
-    "modules": 240,
-    "modules with one importer": 50,  # point_masses, which plug-ins import as well
+    "lines": 63700,
+    "modules": 248,
+    "modules with one importer": 55,  # point_masses, which plug-ins import as well
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,

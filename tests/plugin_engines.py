@@ -101,6 +101,24 @@ class Second(Echo):
         return replace(found, mechanism=given)
 
 
+class Stiff(Echo):
+    """Takes springs for twice as stiff."""
+
+    name = "stiff"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        given = problem.mechanism
+        stiff = tuple(
+            element.model_copy(update={"stiffness": 2 * element.stiffness})
+            if isinstance(element, tb.SpringDamper)
+            else element
+            for element in given.force_elements
+        )
+        other = given.model_copy(update={"force_elements": stiff})
+        found = super().simulate(problem.model_copy(update={"mechanism": other}))
+        return replace(found, mechanism=given)
+
+
 class Raiser(Echo):
     """Fails as a careless library does."""
 
@@ -117,6 +135,17 @@ class Crasher(Echo):
 
     def simulate(self, problem: tb.Problem) -> tb.Trajectory:
         os.abort()
+
+
+class Mended(Echo):
+    """Takes its process down unless the file is there that the environment names."""
+
+    name = "mended"
+
+    def simulate(self, problem: tb.Problem) -> tb.Trajectory:
+        if not Path(os.environ["MENDED"]).exists():
+            os.abort()
+        return super().simulate(problem)
 
 
 class Sleeper(Echo):

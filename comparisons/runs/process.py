@@ -53,6 +53,9 @@ _K = TypeVar("_K")
 _V = TypeVar("_V")
 _WARM_UP = 5e-3  # [s] simulated before the timed run: imports and first calls are not counted
 _WARM_UP_STEPS = 100  # at most
+# A process that is ended while it has processes of its own leaves semaphores behind. loky's tracker
+# removes them, and warns of them: it is told not to, by the options that it inherits.
+sys.warnoptions.append("ignore:resource_tracker")
 _START = 120.0  # [s] longest wait for a process to start
 # [s] beyond which a limit of time is none: systems take a wait as milliseconds in 32 bits
 _LONGEST_WAIT = 2e6

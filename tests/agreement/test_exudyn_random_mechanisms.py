@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trebucheck as tb
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.trajectory import Trajectory
 from trebucheck.reference.solver import solve

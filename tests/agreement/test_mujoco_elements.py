@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from elements import ELEMENTS, UP, WALLS, lever
 from mechanisms import everything
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model, random_states
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.elements import PointStop

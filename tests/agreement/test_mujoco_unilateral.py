@@ -25,7 +25,7 @@ from mechanisms import (
     rod_pendulum,
     slider_crank,
 )
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.engines.mujoco.engine import MujocoEngine
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND, PinJoint, PointStop, SlotJoint, Stop

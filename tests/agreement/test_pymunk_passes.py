@@ -14,7 +14,7 @@ import trebucheck as tb
 pytest.importorskip("pymunk")
 
 from mechanisms import four_bar, parallel_cranks, pin
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.leapfrog import _step_to  # pyright: ignore[reportPrivateUsage]

@@ -13,7 +13,7 @@ import pytest
 pytest.importorskip("pymunk")
 
 from mechanisms import misplaced, parallel_cranks
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import check_model, random_states
 from trebucheck.engines.pymunk.build import build
 from trebucheck.engines.pymunk.engine import PymunkEngine

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trebucheck as tb
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.elements import GROUND, FreeJoint, PointStop
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import four_bar, parallel_cranks, rods_on_a_slot
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.models.elements import GROUND, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism

@@ -12,7 +12,7 @@ import pytest
 import trebucheck as tb
 from conftest import again
 from mechanisms import TABLE_ONE, chain_on_a_slot, everything, pin, position_error, scaled
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.diagnosis.equivalence import EXACT, check_model
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.units import SI, Units, units_of

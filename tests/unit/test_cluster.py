@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import trebucheck as tb
+from trebucheck.__main__ import main
 from trebucheck.comparisons.runs.results import Results
 from trebucheck.models.errors import SimulationError
 
@@ -153,3 +154,34 @@ def test_a_lost_scheduler_ends_a_study_with_a_sentence(monkeypatch: pytest.Monke
     with pytest.raises(tb.InputError, match=r"is lost .* --resume"):
         worker.compute(float)
     worker.close()
+
+
+def test_a_campaign_has_the_same_rows_there(running: Any, tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow", reason="pyarrow is an extra: trebucheck[campaign]")
+    machines = {"model": "pendulum", "values": {"length": [0.5, 1.0, 2.0]}}
+    runs = {"engines": ["mujoco", "pymunk"], "until": 0.1, "quantities": ["angle"]}
+    given = {"name": "lengths", "chunk": 1, "machines": machines, "runs": runs}
+    how = {"there": {"cluster": running.scheduler_address}, "here": {"jobs": 1}}
+    kept = ["machine", "run", "outcome", "share", "angle_error", "angle_tolerance"]
+    rows = [tb.campaign(given, tmp_path / k, **v).to_pandas(kept) for k, v in how.items()]
+    assert rows[0].equals(rows[1]) and len(rows[0]) == 6
+    assert tb.open_campaign(tmp_path / "there").file.shared
+
+
+def _without_times(fields: dict[str, Any]) -> dict[str, Any]:
+    """Fields of a JSON object but for those that differ from run to run."""
+    return {name: value for name, value in fields.items() if name not in ("wall_time", "command")}
+
+
+def test_conform_and_certify_say_the_same_there(running: Any, tmp_path: Path) -> None:
+    for words, file in (
+        (["conform", "mujoco/settings", "--problem", "pendulum"], "conformance.json"),
+        (["certify", "--models", "pendulum"], "pendulum.json"),
+    ):
+        found: list[Any] = []
+        for where in ([], ["--cluster", running.scheduler_address]):
+            out = tmp_path / f"{words[0]}{len(where)}"
+            assert main([*words, *where, "--quiet", "--out", str(out)]) == 0
+            text = (out / file).read_text()
+            found.append(json.loads(text, object_hook=_without_times))
+        assert found[0] == found[1]

@@ -21,7 +21,7 @@ from mechanisms import (
     pin,
     slider_crank,
 )
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.comparisons.report.drawing.sketch import ROLES, Drawing, Shape, draw, loaded_rod
 from trebucheck.models.elements import GROUND, ConstantForce, CubicTorsionSpring
 from trebucheck.models.kinematics import initial_state

@@ -20,6 +20,12 @@ NEEDS = {
     "importer": "an importer",
     "judge": "a file of somebody else's",
     "matrix": "results of earlier comparisons",
+    "campaign run": "a description",
+    "campaign resume": "a campaign",
+    "campaign show": "a campaign",
+    "campaign diff": "two campaigns",
+    "campaign machine": "a campaign",
+    "campaign shrink": "a campaign",
 }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mechanisms import hanging_bob
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.engines.point_masses import NoPointMasses, spread_masses, spreads_masses
 from trebucheck.models.elements import GROUND, FreeJoint, PinJoint
 from trebucheck.models.errors import UnsupportedProblemError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import body_of, everything, hanging_bob, parallel_cranks, pin
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.elements import SpringDamper
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics

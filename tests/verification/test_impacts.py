@@ -13,7 +13,7 @@ import pytest
 import trebucheck as tb
 from conftest import machine_parameters, machines
 from hypothesis import given
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve

@@ -12,7 +12,7 @@ import pytest
 import trebucheck as tb
 from directions import derivatives, random_direction, stepped
 from mechanisms import G, bouncing
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.elements import ConstantForce
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw

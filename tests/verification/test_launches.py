@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import TABLE_ONE, chain
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.launch import SmoothVelocity, first_launch, lead
 from trebucheck.models.mechanism import Marker
 from trebucheck.models.problem import Problem, StopLaw

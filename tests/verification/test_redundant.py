@@ -16,7 +16,7 @@ import trebucheck as tb
 from conftest import again, machine_parameters, machines
 from hypothesis import assume, given, seed
 from mechanisms import everything, slider_crank
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.reference.certification.certificate import estimate_uncertainty
 from trebucheck.reference.certification.redundant import (
     RedundantMotion,

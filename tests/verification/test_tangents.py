@@ -12,7 +12,7 @@ import trebucheck as tb
 from conftest import again
 from directions import derivatives, random_direction, stepped
 from mechanisms import G, bouncing, everything, hanging_bob, parallel_cranks, pin
-from random_mechanisms import random_mechanism
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.elements import GROUND, RotationalSpringDamper
 from trebucheck.models.library.registry import benchmark
 from trebucheck.models.mechanism import Body, Mechanism

@@ -28,8 +28,8 @@ from mechanisms import (
     pin,
     slider_crank,
 )
-from random_mechanisms import random_mechanism
 from scipy.special import ellipk
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.elements import PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Mechanism

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,7 +43,7 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     from ...recommend import Advice
     from . import compare, converge, diff, explain, recommend, run, throw
 
-    return {
+    made: dict[type, Callable[[Any], Document]] = {
         Comparison: compare.document,
         Studies: converge.document,
         Explanation: explain.document,
@@ -52,6 +53,14 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
         Certificate: run.certificate_report,
         Throw: lambda one: throw.document(one.performance, one),
     }
+    if find_spec("pyarrow") is not None:  # which is an extra
+        from ...campaigns.changes import CampaignDifference
+        from ...campaigns.store import CampaignStore
+        from . import campaign
+
+        made[CampaignStore] = campaign.document
+        made[CampaignDifference] = campaign.difference_document
+    return made
 
 
 def document(result: object) -> Document:

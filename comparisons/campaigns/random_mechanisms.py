@@ -1,13 +1,17 @@
-"""Random mechanisms: trees of one to six bodies, loops, springs, dampers, motors and stops,
-consistent at the start.
+"""Random mechanisms of a stated family: trees of bodies, loops, springs, motors and stops.
+
+They are consistent at the start: loops are closed, closed stops touch and neither open nor press.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Annotated, Any
 
 import numpy as np
-from trebucheck.models.elements import (
+from pydantic import Field
+
+from ...models.elements import (
     GROUND,
     AnyForceElement,
     AnyJoint,
@@ -23,17 +27,37 @@ from trebucheck.models.elements import (
     Stop,
     WeldJoint,
 )
-from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.mechanism import Body, Marker, Mechanism
-from trebucheck.models.spec import Vector
-from trebucheck.reference.equations import Equations, consistent_speeds
+from ...models.kinematics import Kinematics
+from ...models.mechanism import Body, Marker, Mechanism
+from ...models.spec import Spec, Vector
+from ...reference.equations import Equations, consistent_speeds
 
 _JOINTS = ("pin", "pin", "pin", "slot", "rail", "weld", "free")
 _LOOPS = ("pin", "slot", "slot", "rail", "weld")
 _HELD = {"pin": 2, "slot": 1, "rail": 2, "weld": 3}
 
 
+_Count = Annotated[int, Field(ge=0)]
+
+
+class Family(Spec):
+    """Limits of random mechanisms of some 1 m and 1 kg, which move at some 1 m/s.
+
+    Raises:
+        InputError: a limit is not valid.
+    """
+
+    bodies: Annotated[int, Field(ge=1, le=50)] = 6
+    """Largest number of bodies; there is one at least."""
+    loops: _Count = 2
+    """Largest number of joints that close a loop; one that would leave no freedom is left out."""
+    force_elements: _Count = 4
+    stops: _Count = 3
+
+
 class _Draw:
+    """Random numbers of a mechanism."""
+
     def __init__(self, seed: int) -> None:
         self.random = np.random.default_rng(seed)
 
@@ -54,26 +78,28 @@ class _Draw:
         return int(self.random.integers(most + 1))
 
 
-def random_mechanism(seed: int, stops: bool = True) -> Mechanism:
-    """One of some 1 m and 1 kg with one to six bodies and up to two loops, moving at some 1 m/s;
-    the same for a seed.
+def random_mechanism(seed: int, stops: bool = True, family: Family | None = None) -> Mechanism:
+    """Make a random mechanism; the same for a seed and a family.
 
     Args:
         seed: any number.
         stops: whether it may have stops.
+        family: limits; its defaults if left out.
     """
-    draw = _Draw(seed)
-    mechanism = _closed(_tree(draw), draw)
-    mechanism = _changed(mechanism, force_elements=_force_elements(mechanism, draw))
-    return _at_rest_on(_changed(mechanism, stops=_stops(mechanism, draw))) if stops else mechanism
+    draw, family = _Draw(seed), family or Family()
+    mechanism = _closed(_tree(draw, family), draw, family)
+    mechanism = _changed(mechanism, force_elements=_force_elements(mechanism, draw, family))
+    if not stops:
+        return mechanism
+    return _at_rest_on(_changed(mechanism, stops=_stops(mechanism, draw, family)))
 
 
-def _changed(mechanism: Mechanism, **fields: object) -> Mechanism:
+def _changed(mechanism: Mechanism, **fields: Any) -> Mechanism:
     return Mechanism(**(dict(mechanism) | fields))
 
 
-def _tree(draw: _Draw) -> Mechanism:
-    names = tuple(f"b{k}" for k in range(1 + draw.count(5)))
+def _tree(draw: _Draw, family: Family) -> Mechanism:
+    names = tuple(f"b{k}" for k in range(1 + draw.count(family.bodies - 1)))
     joints = [
         _tree_joint(draw, draw.choice((GROUND, *names[:k])), name, k == 0)
         for k, name in enumerate(names)
@@ -108,7 +134,7 @@ def _tree_joint(draw: _Draw, parent: str, child: str, first: bool) -> AnyJoint:
         )
     )
     if kind == "free":
-        points = {"parent_point": draw.point(), "child_point": draw.point()}
+        points: dict[str, Any] = {"parent_point": draw.point(), "child_point": draw.point()}
         return FreeJoint(
             name=f"to {child}", child=child, coordinates=(f"x {child}", f"y {child}"), **points
         )
@@ -127,7 +153,7 @@ def _joint(
     angle: float,
     slide: str | None,
 ) -> AnyJoint:
-    fields = {
+    fields: dict[str, Any] = {
         "name": name,
         "parent": parent,
         "child": child,
@@ -142,13 +168,13 @@ def _joint(
     return SlotJoint(**fields) if kind == "slot" else PrismaticJoint(**fields, angle=angle)
 
 
-def _closed(mechanism: Mechanism, draw: _Draw) -> Mechanism:
-    """With up to two loops, as long as a freedom is left.
+def _closed(mechanism: Mechanism, draw: _Draw, family: Family) -> Mechanism:
+    """Add loops, as long as a freedom is left.
 
     Their joints are put where their points are at the start.
     """
     attitudes, free = mechanism.attitudes, len(mechanism.coordinates)
-    for k in range(draw.count(2)):
+    for k in range(draw.count(family.loops)):
         child, kind = (
             draw.choice(tuple(body.name for body in mechanism.bodies)),
             draw.choice(_LOOPS),
@@ -170,7 +196,7 @@ def _closed(mechanism: Mechanism, draw: _Draw) -> Mechanism:
 
 
 def _at_rest_on(mechanism: Mechanism) -> Mechanism:
-    """With the nearest speeds that keep loops closed and the closed stops touching."""
+    """Give it the nearest speeds that keep loops closed and the closed stops touching."""
     closed = tuple(stop.name for stop in mechanism.stops if stop.closed)
     equations, q = Equations(mechanism), np.array(mechanism.start)
     speeds = consistent_speeds(equations, q, np.array(mechanism.start_speeds), closed)
@@ -190,16 +216,18 @@ def _loop_joint(
     return joint.model_copy(update={"parent_point": (float(turned.real), float(turned.imag))})
 
 
-def _force_elements(mechanism: Mechanism, draw: _Draw) -> tuple[AnyForceElement, ...]:
+def _force_elements(
+    mechanism: Mechanism, draw: _Draw, family: Family
+) -> tuple[AnyForceElement, ...]:
     names = tuple(body.name for body in mechanism.bodies)
     elements: list[AnyForceElement] = []
-    for k in range(draw.count(4)):
+    for k in range(draw.count(family.force_elements)):
         kind, body = draw.choice(("spring", "twist", "force", "torque")), draw.choice(names)
         other = draw.choice(tuple({GROUND: None} | {name: None for name in names if name != body}))
-        pair = {"name": f"{kind} {k}", "body": body, "relative_to": other}
-        strength = {"stiffness": draw.number(0, 30), "damping": draw.number(0, 1.5)}
+        pair: dict[str, Any] = {"name": f"{kind} {k}", "body": body, "relative_to": other}
+        strength: dict[str, Any] = {"stiffness": draw.number(0, 30), "damping": draw.number(0, 1.5)}
         if kind == "spring":
-            points = {"point": draw.point(), "relative_point": draw.point(1.0)}
+            points: dict[str, Any] = {"point": draw.point(), "relative_point": draw.point(1.0)}
             elements.append(
                 SpringDamper(**pair, **strength, **points, rest_length=draw.number(0, 1))
             )
@@ -218,10 +246,10 @@ def _force_elements(mechanism: Mechanism, draw: _Draw) -> tuple[AnyForceElement,
     return tuple(elements)
 
 
-def _stops(mechanism: Mechanism, draw: _Draw) -> tuple[Stop | PointStop, ...]:
-    """Up to three, each at the start closed or open."""
+def _stops(mechanism: Mechanism, draw: _Draw, family: Family) -> tuple[Stop | PointStop, ...]:
+    """Stops, each at the start closed or open."""
     stops: list[Stop | PointStop] = []
-    for k in range(draw.count(3)):
+    for k in range(draw.count(family.stops)):
         stop = _stop(mechanism, draw, f"stop {k}")
         gap = Kinematics(_changed(mechanism, stops=(stop,))).gaps[stop.name]
         # One that cannot move relative to its wall holds nothing.
@@ -234,7 +262,7 @@ def _stop(mechanism: Mechanism, draw: _Draw, name: str) -> Stop | PointStop:
     names = tuple(body.name for body in mechanism.bodies)
     body = draw.choice(names)
     other = draw.choice(tuple({GROUND: None} | {name: None for name in names if name != body}))
-    fields = {
+    fields: dict[str, Any] = {
         "name": name,
         "body": body,
         "relative_to": other,

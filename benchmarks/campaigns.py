@@ -1,0 +1,121 @@
+"""Cost of campaigns, and what follows at any size: `python benchmarks/campaigns.py [PART...]`.
+
+Parts: `launches` (machines thrown into a store, from 1e3 to 1e5, with the memory that it takes),
+`chunks` (runs of an engine by chunks of 1 to 64 machines, beside the bare loop), `lanes` (two
+processes against one), `scheduler` (empty tasks on a Dask cluster, 1e3 to 1e5 of them). All
+where none is named. No test reads this; the figures of `docs/scale.md` are its output.
+"""
+
+from __future__ import annotations
+
+import resource
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trebucheck as tb
+from trebucheck.comparisons.campaigns.run import make_rows
+from trebucheck.comparisons.campaigns.spec import Campaign
+
+_VALUES = {"l1": {"min": 8.0, "max": 11.0}, "m_cw": {"min": 1e3, "max": 4e3, "scale": "log"}}
+
+
+def _described(number: int, chunk: int | None, **asked: Any) -> Campaign:
+    machines = {"model": "fixed", "design": "sobol", "number": number, "values": _VALUES}
+    return Campaign.of({"name": "cost", "machines": machines, "chunk": chunk, **asked})
+
+
+def _runs(number: int, chunk: int) -> Campaign:
+    return _described(number, chunk, runs={"engines": ["mujoco"], "presets": ["settings"]})
+
+
+def _into_a_store(described: Campaign, jobs: int) -> tuple[float, int]:
+    """Wall time of a campaign [s], and bytes of its rows."""
+    folder = Path(tempfile.mkdtemp())
+    try:
+        began = time.perf_counter()
+        tb.campaign(described, folder, jobs=jobs)
+        took = time.perf_counter() - began
+        size = sum(path.stat().st_size for path in folder.rglob("*.parquet"))
+    finally:
+        shutil.rmtree(folder)
+    return took, size
+
+
+def launches() -> None:
+    """Throw machines into a store on two processes."""
+    print("launches on 2 processes: machines, seconds, launches a second, bytes a row, memory [MB]")
+    sizes, times = (1_000, 3_000, 10_000, 30_000, 100_000), list[float]()
+    _into_a_store(_described(20_000, None, launches={}), 2)  # compiles and imports
+    for number in sizes:
+        took, size = _into_a_store(
+            _described(number, max(500, min(8192, number // 4)), launches={}), 2
+        )
+        times.append(took)
+        largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
+        print(f"{number:8d} {took:8.2f} {number / took:10.0f} {size / number:6.1f} {largest:8.0f}")
+    slope, _ = np.polyfit(np.log(sizes[-3:]), np.log(times[-3:]), 1)
+    print(f"exponent of the last three: {slope:.3f}")
+
+
+def chunks() -> None:
+    """Run an engine chunk by chunk on one process, beside the bare loop of the same runs."""
+    number = 64
+    make_rows(_runs(2, 2), range(2))  # imports, and starts the engine's process
+    began = time.perf_counter()
+    make_rows(_runs(number, number), range(number))
+    bare = time.perf_counter() - began
+    print(f"bare loop of {number} machines: {bare / number:.4f} s each")
+    print("machines a chunk, seconds each, overhead, bytes a row")
+    for chunk in (1, 4, 16, 64):
+        took, size = _into_a_store(_runs(number, chunk), 1)
+        start, _ = _into_a_store(_runs(1, 1), 1)  # processes and imports
+        each = (took - start) / (number - 1)
+        print(f"{chunk:4d} {each:8.4f} {each / (bare / number) - 1:8.1%} {size / number:8.0f}")
+
+
+def lanes() -> None:
+    """Run the same campaign on one process and on two."""
+    described = _runs(128, 16)
+    one, two = (_into_a_store(described, jobs)[0] for jobs in (1, 2))
+    print(f"128 machines: {one:.1f} s on one process, {two:.1f} s on two: {one / two:.2f} times")
+
+
+def _nothing(_: int) -> bytes:
+    return b"x" * 20_000  # as many bytes as a chunk's rows
+
+
+def scheduler() -> None:
+    """Send empty tasks to a Dask cluster, in the manner of a campaign."""
+    from distributed import Client, LocalCluster, as_completed
+
+    print("empty tasks on a Dask cluster of 2 workers: tasks, seconds, milliseconds each")
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0")
+    with cluster, Client(cluster) as client:
+        for number in (1_000, 10_000, 100_000):
+            began, waiting = time.perf_counter(), as_completed()
+            for k in range(number):
+                waiting.add(client.submit(_nothing, k, pure=False))
+                if waiting.count() >= 64:
+                    next(waiting).release()
+            for future in waiting:
+                future.release()
+            took = time.perf_counter() - began
+            print(f"{number:8d} {took:8.2f} {1e3 * took / number:8.3f}")
+
+
+_PARTS: dict[str, Callable[[], None]] = {
+    "launches": launches,
+    "chunks": chunks,
+    "lanes": lanes,
+    "scheduler": scheduler,
+}
+
+if __name__ == "__main__":
+    for name in sys.argv[1:] or _PARTS:
+        _PARTS[name]()

@@ -1,0 +1,136 @@
+"""The machines of a campaign, each from its number and its values, and the study of one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models.errors import InputError
+from ...models.library.registry import (
+    library_problem,
+    model,
+    model_of,
+    named_parameters,
+    parameters_type,
+    varied,
+)
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem
+from ...models.spec import SpecError
+from ...models.stacked import stack_of
+from ...reference.taylor.expressions import heyoka
+from ...reference.taylor.numbers import PROJECTILE
+from ..runs.study import Study
+from .design import Design
+from .random_mechanisms import random_mechanism
+from .spec import Campaign, Runs
+from .store import CampaignStore
+
+
+@dataclass(frozen=True)
+class EngineCase:
+    """An engine, its preset and its step."""
+
+    engine: str
+    preset: str
+    timestep: float | None = None  # [s]; None: the preset's own
+
+
+def machine(store: CampaignStore, number: int) -> Mechanism | Problem:
+    """A machine of a campaign by its number.
+
+    Raises:
+        InputError: there is none of that number, or its values are not valid together.
+    """
+    if not 0 <= number < store.file.machines:
+        raise InputError(
+            f"machine {number}: the numbers of {store.campaign.name!r} are 0 to "
+            f"{store.file.machines - 1}."
+        )
+    columns, _ = Design(store.campaign).columns(number, number + 1)
+    return machine_of(store.campaign, row_of(number, columns, 0))
+
+
+def row_of(number: int, columns: Mapping[str, Any], at: int) -> dict[str, Any]:
+    """Number and values of a machine, from columns of many."""
+    return {"machine": number} | {name: float(column[at]) for name, column in columns.items()}
+
+
+def machine_of(described: Campaign, row: Mapping[str, Any]) -> Mechanism | Problem:
+    """The machine of a row, as a problem where the model is one of the library.
+
+    Raises:
+        InputError: the values are not valid together; the sentence names them.
+    """
+    machines = described.machines
+    if machines.family is not None:
+        return random_mechanism(described.seed + int(row["machine"]), family=machines.family)
+    given = machines.model
+    assert given is not None
+    values = {name: float(row[name]) for name in machines.values}
+    if not isinstance(given, str):
+        return varied(given, values)[0]
+    if values.keys() <= parameters_type(given).model_fields.keys():
+        return model_of(given, named_parameters(given, values))
+    made, problem = varied(given, values)[0], library_problem(given)
+    return made if problem is None else problem.model_copy(update={"mechanism": made})
+
+
+def parameters(name: str) -> set[str]:
+    """Names of the parameters of a named machine or problem."""
+    return set(parameters_type(name).model_fields)
+
+
+def refuse_impossible(described: Campaign) -> None:
+    """Refuse what no run could have: an unknown parameter, engine, option or tolerance.
+
+    Raises:
+        InputError: there is something of that kind; the sentence names it.
+    """
+    machines = described.machines
+    given = random_mechanism(described.seed, family=machines.family)
+    if machines.model is not None:
+        given = model(machines.model)
+        first = dict.fromkeys(machines.values, 0.0)
+        if isinstance(machines.model, str) and first.keys() & parameters(machines.model):
+            with suppress(SpecError):  # of the values; a machine's own are judged with it
+                named_parameters(machines.model, first)
+        else:
+            stack_of(given, {name: np.zeros(1) for name in first})
+    if described.runs is not None:
+        study_of(described.runs, given)
+        return
+    heyoka()  # which says what brings it, where it is missing
+    if given.marker(PROJECTILE) is None:
+        raise InputError(
+            f"model {given.name!r} has no marker {PROJECTILE!r} that could be launched."
+        )
+
+
+def study_of(runs: Runs, given: Mechanism | Problem, step: float | None = None) -> Study:
+    """The study of one machine with the options of a campaign.
+
+    Args:
+        runs: what is asked for.
+        given: the machine.
+        step: of every engine [s]; None: the presets' own.
+
+    Raises:
+        InputError: an engine, a preset, an option or a tolerance is not valid.
+    """
+    return Study.of(
+        given,
+        runs.engines,
+        runs.presets,
+        options=runs.options,
+        timestep=step,
+        until=runs.until,
+        stop_law=runs.stop_law,
+        tolerances=runs.tolerances,
+        diagnose=runs.diagnose,
+        timeout=runs.timeout,
+    )

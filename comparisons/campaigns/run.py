@@ -1,0 +1,369 @@
+"""Runs of a campaign: chunks of machines, each in a process here or on a cluster, in any order.
+
+A chunk's process moves the reference, and measures; engines run in a process beside it, so that one
+that crashes, hangs or fills the memory costs its run alone. A chunk whose own process ends is made
+once more, and then machine by machine; what fails even so is a row that says so, and is made again
+when the campaign is taken up.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import shlex
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from ...engines.registry import engine_class, presets_of
+from ...models.arrays import FloatArray, IndexArray
+from ...models.errors import (
+    InputError,
+    SimulationError,
+    StudyEndedError,
+    UnsupportedProblemError,
+)
+from ...models.library.registry import Model, varied
+from ...models.mechanism import Mechanism
+from ...models.problem import Problem, mechanism_of
+from ...models.trajectory import Trajectory, save
+from ...reference.taylor.batch import launch_batch
+from ..compare import MachineRuns, RunKey
+from ..runs.process import ProcessError, Worker
+from ..runs.runner import failure
+from ..runs.store import conditions
+from ..runs.study import Progress, Study
+from .design import Design
+from .machines import EngineCase, machine_of, parameters, refuse_impossible, row_of, study_of
+from .spec import Campaign, Launches, Runs
+from .store import CampaignStore, as_parquet, from_parquet
+from .table import DIGITS, ThrownPart, kept_quantities, launch_table, run_row, schema_of
+
+_AHEAD = 2  # chunks that wait for a process, for each process
+_Item = TypeVar("_Item")
+_Made = TypeVar("_Made")
+
+
+def run(
+    described: Campaign,
+    out: Path,
+    *,
+    jobs: int | None = None,
+    cluster: Any = None,
+    progress: Progress | None = None,
+    command: str | None = None,
+) -> CampaignStore:
+    """Run what is missing of a campaign; as :func:`.campaign.campaign`."""
+    refuse_impossible(described)
+    where = Study(engines=(), jobs=jobs, cluster=cluster, timeout=_longest(described))
+    where = where.on_idle_cores()
+    store = CampaignStore.begin(out, described, command=command, **where.times)
+    missing = list(store.missing())
+    done = store.chunks - len(missing)
+    if progress is not None:
+        progress("", done, store.chunks)
+    with where.worker() as worker:
+        make = partial(_make, store, worker)
+        with closing(unordered(make, missing, where.at_once)) as finished:
+            for chunk in finished:
+                done += 1
+                if progress is not None:
+                    progress(f"chunk {chunk}", done, store.chunks)
+    return store
+
+
+def _longest(described: Campaign) -> float:
+    """Longest wait for a chunk [s]: its runs are limited by themselves."""
+    runs = described.runs
+    if runs is None:
+        return float("inf")
+    parts = len(runs.engines) * len(runs.presets) * max(len(runs.timesteps), 1) + 1
+    return 60.0 + 4 * parts * described.chunk_size * runs.timeout
+
+
+def unordered(
+    function: Callable[[_Item], _Made], items: Iterable[_Item], jobs: int
+) -> Generator[_Made]:
+    """Compute a function's values several at once, in the order in which they are finished.
+
+    Args:
+        function: serves calls from several threads.
+        items: taken as processes become free.
+        jobs: processes that serve the calls.
+    """
+    threads, running = ThreadPoolExecutor(jobs + 1), set[Future[_Made]]()
+    try:
+        for item in items:
+            running.add(threads.submit(function, item))
+            if len(running) >= _AHEAD * jobs:
+                finished, running = wait(running, return_when=FIRST_COMPLETED)
+                for each in finished:
+                    yield each.result()
+        while running:
+            finished, running = wait(running, return_when=FIRST_COMPLETED)
+            for each in finished:
+                yield each.result()
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Rows of some machines, and their motions where they are kept."""
+
+    content: bytes
+    """A Parquet file."""
+    motions: Mapping[str, Trajectory] = field(default_factory=dict[str, Trajectory])
+    """Motions by name of their file."""
+
+
+def _make(store: CampaignStore, worker: Worker, chunk: int) -> int:
+    """Make the rows of a chunk that are missing, and write them; its number."""
+    kept = store.read(chunk)
+    made = _made(store.campaign, worker, store.machines(chunk), kept, chunk)
+    for name, motion in made.motions.items():
+        save(motion, store.folder / "trajectories" / name)
+    store.write(chunk, made.content)
+    return chunk
+
+
+def _made(described: Campaign, worker: Worker, machines: range, kept: Any, chunk: int) -> Chunk:
+    """Make a chunk in a process, once more where that ends, and then machine by machine."""
+    make = partial(make_rows, described, machines, kept)
+    try:
+        return worker.compute(make, f"chunk {chunk}")
+    except ProcessError:
+        pass  # another process may come to the end of it
+    try:
+        return worker.compute(make, f"chunk {chunk}")
+    except ProcessError as error:
+        reason = error
+    if len(machines) == 1:
+        return Chunk(as_parquet(_failed_rows(described, machines[0], reason)))
+    parts = [
+        _made(described, worker, range(number, number + 1), _of_machine(kept, number), chunk)
+        for number in machines
+    ]
+    table = pa.concat_tables([from_parquet(part.content) for part in parts])
+    motions = {name: motion for part in parts for name, motion in part.motions.items()}
+    return Chunk(as_parquet(table.combine_chunks()), motions)
+
+
+def _of_machine(kept: Any, number: int) -> Any:
+    """Rows of one machine among those that are kept."""
+    return None if kept is None else kept.filter(pc.field("machine") == number)
+
+
+def _failed_rows(described: Campaign, number: int, reason: ProcessError) -> Any:
+    """Rows of a machine whose process ended again and again."""
+    columns, _ = Design(described).columns(number, number + 1)
+    if described.runs is None:
+        return launch_table(described, [number], columns, [], {0: str(reason)})
+    row = row_of(number, columns, 0)
+    cases = _cases(described.runs)
+    return _table(described, [_failed(described, row, case, reason) for case in cases])
+
+
+# --- In a process
+
+
+def make_rows(described: Campaign, machines: range, kept: Any = None) -> Chunk:
+    """Make the rows of some machines.
+
+    Args:
+        described: the campaign.
+        machines: their numbers.
+        kept: rows that are there already, of which those are made again whose process failed; None:
+            there are none.
+    """
+    columns, chosen = Design(described).columns(machines.start, machines.stop)
+    numbers = [number for number, is_chosen in zip(machines, chosen, strict=True) if is_chosen]
+    if described.runs is None:
+        values = {name: column[chosen] for name, column in columns.items()}
+        return Chunk(as_parquet(_launched(described, numbers, values)))
+    rows, motions = list[dict[str, Any]](), dict[str, Trajectory]()
+    for number in numbers:
+        before = [] if kept is None else _of_machine(kept, number).to_pylist()
+        values = row_of(number, columns, number - machines.start)
+        for row, motion in _runs(described, described.runs, values, before):
+            rows.append(row)
+            if motion is not None:
+                motions[_motion_name(row)] = motion
+    return Chunk(as_parquet(_table(described, rows)), motions)
+
+
+def _launched(described: Campaign, numbers: list[int], values: Mapping[str, FloatArray]) -> Any:
+    """Table of launches of machines; those that cannot be built have a message."""
+    asked, given = described.launches, described.machines.model
+    assert asked is not None
+    assert given is not None
+    messages: dict[int, str] = {}
+    parts: list[ThrownPart] = []
+    if numbers:
+        parts += _thrown(given, asked, values, np.arange(len(numbers)), messages)
+    return launch_table(described, numbers, values, parts, messages)
+
+
+def _thrown(
+    given: Model,
+    asked: Launches,
+    values: Mapping[str, FloatArray],
+    places: IndexArray,
+    messages: dict[int, str],
+) -> Iterator[ThrownPart]:
+    """Launches of the machines at some places, in parts without those that cannot be thrown.
+
+    Those are found by halving, and have a message then.
+    """
+    try:
+        machines = varied(given, {name: column[places] for name, column in values.items()})
+        thrown = launch_batch(machines, asked.duration, asked.tolerance)
+    except (InputError, UnsupportedProblemError, SimulationError) as error:
+        if len(places) == 1:
+            messages[int(places[0])] = str(error)
+            return
+        for half in np.array_split(places, 2):
+            yield from _thrown(given, asked, values, half, messages)
+        return
+    messages |= {int(places[i]): text for i, text in thrown.failures.items()}
+    yield places, thrown
+
+
+def _cases(runs: Runs) -> list[EngineCase]:
+    """Runs on a machine, in the order of their rows."""
+    return [
+        EngineCase(engine, preset, step)
+        for engine in runs.engines
+        for preset in presets_of(engine, runs.presets)
+        for step in runs.timesteps or (None,)
+    ]
+
+
+def _runs(
+    described: Campaign, runs: Runs, row: dict[str, Any], before: list[dict[str, Any]]
+) -> Iterator[tuple[dict[str, Any], Trajectory | None]]:
+    """Rows of a machine, and its motions where they are kept.
+
+    Args:
+        before: its rows of an earlier time, in the same order; empty: none.
+    """
+    cases = _cases(runs)
+    moved: tuple[Mechanism | Problem, MachineRuns] | None = None
+    asked = [not before or bool(before[k]["process_failed"]) for k in range(len(cases))]
+    error: Exception | None = None
+    if any(asked):
+        try:
+            given = machine_of(described, row)
+            study = study_of(runs, given)
+            moved = given, MachineRuns(study, mechanism_of(given), _beside(runs.timeout))
+        except StudyEndedError:
+            raise
+        except Exception as raised:  # a machine may be as odd as its values
+            error = raised
+    for k, case in enumerate(cases):
+        if not asked[k]:
+            yield before[k], None
+        elif moved is None:
+            yield _failed(described, row, case, error), None
+        else:
+            yield _one(described, runs, row, case, moved)
+
+
+def _one(
+    described: Campaign,
+    runs: Runs,
+    row: dict[str, Any],
+    case: EngineCase,
+    moved: tuple[Mechanism | Problem, MachineRuns],
+) -> tuple[dict[str, Any], Trajectory | None]:
+    """Row of one run, and its motion where it is kept."""
+    given, machine = moved
+    study = study_of(runs, given, case.timestep)
+    model, scales = machine.machine.model, machine.machine.scales
+    engine = study.engine_for(model, scales, study.engine(case.engine, case.preset))
+    finished = machine.run(RunKey(model, case.engine, case.preset), engine)
+    made = run_row(row, machine.machine, finished.run, kept_quantities(described))
+    made |= {
+        "run": conditions(*machine.runner.conditions, engine=engine)[:DIGITS],
+        "process_failed": finished.record.process_failed,
+        "host": platform.node(),
+        "repeat": _repeat(described, row, case),
+    }
+    if finished.motion is None or not runs.trajectories:
+        return made, None
+    return made, finished.motion()
+
+
+def _failed(
+    described: Campaign, row: dict[str, Any], case: EngineCase, error: Exception | None
+) -> dict[str, Any]:
+    """Row of a run that was not begun, as the machine could not be built or moved."""
+    outcome, message = failure(error or SimulationError("the reference was not solved"))
+    return {
+        **row,
+        "engine": case.engine,
+        "preset": case.preset,
+        "timestep": case.timestep,
+        "engine_version": engine_class(case.engine).version(),
+        "outcome": outcome.value,
+        "message": message,
+        "process_failed": isinstance(error, ProcessError),
+        "host": platform.node(),
+        "repeat": _repeat(described, row, case),
+    }
+
+
+def _table(described: Campaign, rows: list[dict[str, Any]]) -> Any:
+    return pa.Table.from_pylist(rows, schema=schema_of(described))
+
+
+def _motion_name(row: Mapping[str, Any]) -> str:
+    step = "" if row["timestep"] is None else f"-{row['timestep']:g}"
+    return f"{row['machine']}-{row['engine']}-{row['preset']}{step}.nc"
+
+
+def _repeat(described: Campaign, row: Mapping[str, Any], case: EngineCase) -> str:
+    """Commands that make a run again on its own."""
+    runs, machines = described.runs, described.machines
+    assert runs is not None
+    given, words = machines.model, ["trebucheck", "compare"]
+    number = int(row["machine"])
+    named = isinstance(given, str) and machines.values.keys() <= parameters(given)
+    if named:
+        words += ["--model", str(given)]
+        for name in machines.values:
+            words += ["--set", f"{name}={float(row[name])!r}"]
+    else:
+        words += ["--model", f"machine-{number}.json"]
+    words += ["--engine", case.engine, "--preset", case.preset]
+    if case.timestep is not None:
+        words += ["--timestep", repr(case.timestep)]
+    if runs.until is not None:
+        words += ["--until", str(runs.until)]
+    if runs.stop_law is not None:
+        words += ["--stop-law", runs.stop_law]
+    for name, value in runs.tolerances.items():
+        words += ["--tolerance", f"{name}={value}"]
+    for name, value in runs.options.items():
+        words += ["--option", f"{name}={json.dumps(value)}"]
+    again = shlex.join(words)
+    if named:
+        return again
+    return f"trebucheck campaign machine . {number} > machine-{number}.json; {again}"
+
+
+_BESIDE: dict[float, Worker] = {}
+"""The process beside this one in which engines run, by the limit of time."""
+
+
+def _beside(timeout: float) -> Worker:
+    """The process in which this one's engines run, started when it is first needed."""
+    return _BESIDE.setdefault(timeout, Worker(timeout))

@@ -1,0 +1,256 @@
+"""The store of a campaign: a folder with its description and a Parquet file a chunk.
+
+    FOLDER/campaign.json                        description and versions
+    FOLDER/rows/part=0000/chunk-0000000.parquet  rows of the first machines
+    FOLDER/trajectories/...                     motions, where they were asked for
+
+A chunk's file appears whole or not at all, so that the folder can be read while it grows: by
+pandas, polars or DuckDB as one table, `rows/**/*.parquet`. A campaign that was interrupted is taken
+up where files are missing. A folder holds one campaign, made by one set of versions.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+
+from ...models.errors import InputError, UnwritableError
+from ...models.files import write_bytes, write_text
+from ...models.shown import Reported
+from ..runs.results import ResultFile
+from ..runs.versions import Versions, versions_here
+from .design import Design
+from .spec import Campaign
+from .table import schema_of
+
+FORMAT = "trebucheck-campaign-1"
+_HEADER, _ROWS = "campaign.json", "rows"
+_IN_A_PART = 1000  # chunks: a folder of many thousand files is slow to list
+_CODE = (
+    "models",
+    "reference",
+    "engines",
+    "comparisons/runs",
+    "comparisons/diagnosis",
+    "comparisons/campaigns",
+)
+"""Folders of the package whose code decides the rows."""
+
+
+class CampaignFile(ResultFile):
+    """The content of `campaign.json`: what was asked for, and what makes it."""
+
+    format: Literal["trebucheck-campaign-1"] = FORMAT
+    campaign: Campaign
+    versions: Versions
+    machines: int
+    """Machines of the design, those that `where` leaves out among them."""
+
+
+@dataclass(frozen=True, repr=False)
+class CampaignStore(Reported):
+    """A campaign's folder."""
+
+    folder: Path
+    file: CampaignFile
+
+    def headline(self) -> str:
+        """Tell what is there."""
+        asked = "launches" if self.campaign.runs is None else "runs"
+        return (
+            f"Campaign {self.campaign.name!r} in {self.folder}: {len(self)} {asked} of "
+            f"{self.file.machines} machines"
+        )
+
+    def rows(self) -> Iterator[dict[str, object]]:
+        """Rows that are there, in the order of the machines."""
+        for batch in self.dataset().to_batches():
+            yield from batch.to_pylist()
+
+    def to_dataframe(self) -> Any:
+        """All rows that are there as a pandas data frame."""
+        return self.to_pandas()
+
+    @classmethod
+    def begin(cls, folder: str | Path, campaign: Campaign, **made: Any) -> CampaignStore:
+        """Begin a campaign in an empty folder, or go on with the same one.
+
+        Args:
+            folder: made where there is none.
+            campaign: checked before anything is written.
+            made: further fields of the file, such as `command`.
+
+        Raises:
+            InputError: the folder holds another campaign, or was made by other versions, or cannot
+                be written to.
+        """
+        path, schema_of_it = Path(folder), schema_of(campaign)
+        del schema_of_it  # it was made to refuse names that are taken
+        found = cls._read(path)
+        if found is None:
+            file = CampaignFile.made_here(
+                campaign=campaign,
+                versions=_versions(campaign),
+                machines=Design(campaign).size,
+                **made,
+            )
+            write_text(path / _HEADER, file.to_json() + "\n")
+            found = cls._read(path)  # another one may have begun at the same time
+            assert found is not None
+        if found.campaign.content_hash != campaign.content_hash:
+            raise InputError(
+                f"{path} holds another campaign, {found.campaign.name!r}; a folder of its own is "
+                "needed for each."
+            )
+        store = cls(path, found)
+        store.refuse_other_versions()
+        return store
+
+    @classmethod
+    def open(cls, folder: str | Path) -> CampaignStore:
+        """Open the store of a campaign that was begun.
+
+        Raises:
+            InputError: the folder holds none, or its description is broken.
+        """
+        found = cls._read(Path(folder))
+        if found is None:
+            raise InputError(f"{folder} holds no campaign: there is no {_HEADER}.")
+        return cls(Path(folder), found)
+
+    @staticmethod
+    def _read(folder: Path) -> CampaignFile | None:
+        path = folder / _HEADER
+        return CampaignFile.load(path) if path.is_file() else None
+
+    @property
+    def campaign(self) -> Campaign:
+        """The description that was asked for."""
+        return self.file.campaign
+
+    def refuse_other_versions(self) -> None:
+        """Refuse to go on where its rows were made by other versions than those here.
+
+        Raises:
+            InputError: some are others; the sentence names both.
+        """
+        difference = _versions(self.campaign).difference(self.file.versions)
+        if difference is not None:
+            raise InputError(
+                f"{self.folder} was begun by other versions: {difference}; a campaign's rows are "
+                "made by one set of versions. Begin in another folder, and compare the two by "
+                "`trebucheck campaign diff`."
+            )
+
+    # --- Chunks
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks of the whole campaign."""
+        return -(-self.file.machines // self.campaign.chunk_size)
+
+    def machines(self, chunk: int) -> range:
+        """Numbers of the machines of a chunk."""
+        size = self.campaign.chunk_size
+        return range(chunk * size, min((chunk + 1) * size, self.file.machines))
+
+    def path(self, chunk: int) -> Path:
+        """Path of a chunk's file."""
+        part = f"part={chunk // _IN_A_PART:04d}"
+        return self.folder / _ROWS / part / f"chunk-{chunk:07d}.parquet"
+
+    def write(self, chunk: int, content: bytes) -> None:
+        """Write a chunk's file, as :func:`as_parquet` makes it, whole or not at all.
+
+        Raises:
+            UnwritableError: the disk is full, or the folder cannot be written to; what is there is
+                as it was.
+        """
+        try:
+            write_bytes(self.path(chunk), content)
+        except UnwritableError as error:
+            raise UnwritableError(
+                f"{error} The chunks that are written are intact; `trebucheck campaign resume "
+                f"{self.folder}` goes on from there."
+            ) from None
+
+    def missing(self) -> Iterator[int]:
+        """Chunks without a whole file, and those with rows whose process failed, in their order."""
+        for chunk in range(self.chunks):
+            rows = self._rows_to_repeat(chunk)
+            if rows is None or rows > 0:
+                yield chunk
+
+    def _rows_to_repeat(self, chunk: int) -> int | None:
+        """Rows of a chunk whose process failed; None where there is no whole file."""
+        try:
+            file = pq.ParquetFile(self.path(chunk))
+        except (OSError, pa.ArrowInvalid):
+            return None
+        with file:
+            name = "process_failed"
+            if name not in file.schema_arrow.names or not file.metadata.num_rows:
+                return 0
+            return int(sum(file.read([name])[name].to_pylist()))
+
+    def read(self, chunk: int) -> Any:
+        """Rows of a chunk as a `pyarrow.Table`; None where there is no whole file."""
+        try:
+            with pq.ParquetFile(self.path(chunk)) as file:
+                return file.read()
+        except (OSError, pa.ArrowInvalid):
+            return None
+
+    # --- The whole
+
+    @cached_property
+    def schema(self) -> Any:
+        """Schema of the rows."""
+        return schema_of(self.campaign)
+
+    def dataset(self) -> Any:
+        """All rows that are there, as a `pyarrow.dataset.Dataset`, read as asked for."""
+        files = sorted(map(str, (self.folder / _ROWS).glob("*/chunk-*.parquet")))
+        return ds.dataset(files, schema=self.schema, format="parquet")
+
+    def to_pandas(self, columns: list[str] | None = None) -> Any:
+        """All rows that are there, in the order of the machines, as a `pandas.DataFrame`."""
+        return self.dataset().to_table(columns=columns).to_pandas()
+
+    @property
+    def has_result(self) -> bool:
+        """Tell whether a run was judged, or a machine launched."""
+        if self.campaign.runs is None:
+            found = self.dataset().filter(ds.field("launched"))
+        else:
+            found = self.dataset().filter(ds.field("share").is_valid())
+        return bool(found.count_rows() > 0)
+
+    def __len__(self) -> int:
+        """Number of rows that are there."""
+        return int(self.dataset().count_rows())
+
+
+def as_parquet(table: Any) -> bytes:
+    """A table as the content of a Parquet file, compressed, with checksums of its pages."""
+    target = io.BytesIO()
+    pq.write_table(table, target, compression="zstd", write_page_checksum=True)
+    return target.getvalue()
+
+
+def from_parquet(content: bytes) -> Any:
+    """The table of such a content."""
+    return pq.read_table(io.BytesIO(content))
+
+
+def _versions(campaign: Campaign) -> Versions:
+    names = () if campaign.runs is None else campaign.runs.engines
+    return versions_here(names, _CODE)

@@ -1,0 +1,279 @@
+"""The tables of a campaign: their columns with units, and rows from runs and from launches.
+
+A row of `runs` is one engine at one preset and step on one machine; a row of `launches` is one
+machine that the reference has thrown. Every row has the values of its machine's parameters beside
+what was measured, so that one table answers a question without another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from ...models.arrays import FloatArray, IndexArray
+from ...models.errors import InputError
+from ...models.library.registry import model, parameters_type
+from ...models.spec import number_units
+from ...reference.taylor.batch import BatchLaunches
+from ..runs.quantities import JUDGED, MetricKind, judged_quantity
+from ..runs.results import Machine, Metric, Run
+from .spec import Campaign
+
+_TEXT, _REAL, _WHOLE, _TRUTH = pa.string(), pa.float64(), pa.int64(), pa.bool_()
+_NAMES = pa.dictionary(pa.int32(), pa.string())
+DIGITS = 32
+"""Hexadecimal digits of a hash that a row keeps: two of 10^12 rows share one in 10^-14 of cases."""
+
+
+@dataclass(frozen=True)
+class RowColumn:
+    """A column of the rows: its type, unit and meaning."""
+
+    name: str
+    type: Any
+    text: str
+    unit: str = ""
+
+    def field(self) -> Any:
+        """The column in a schema of Arrow, with its unit and meaning as metadata."""
+        return pa.field(self.name, self.type, metadata={"unit": self.unit, "text": self.text})
+
+
+_MACHINE = (
+    RowColumn("machine", _WHOLE, "number of the machine in the design"),
+    RowColumn("mechanism", _TEXT, "first digits of the SHA-256 of the mechanism"),
+)
+_RUN = (
+    RowColumn("run", _TEXT, "the same of all that makes the run, versions among it"),
+    RowColumn("model", _NAMES, "name of the mechanism"),
+    RowColumn("engine", _NAMES, "engine"),
+    RowColumn("preset", _NAMES, "preset of the engine"),
+    RowColumn("engine_version", _NAMES, "version of the engine"),
+    RowColumn("timestep", _REAL, "step of the engine; null: it has none", "s"),
+    RowColumn("steps", _WHOLE, "steps of the run"),
+    RowColumn("outcome", _NAMES, "verdict, or how the run failed"),
+    RowColumn("message", _TEXT, "why it failed or was not judged"),
+    RowColumn("process_failed", _TRUTH, "not the run failed but its process: it is made again"),
+    RowColumn("compared_to", _REAL, "end of the motion", "s"),
+    RowColumn("judged_to", _REAL, "that, or the predictability horizon if earlier", "s"),
+    RowColumn("stretching", _REAL, "displacement up to there per change of inertia"),
+    RowColumn("launch_time", _REAL, "of the reference", "s"),
+    RowColumn("launch_speed", _REAL, "of the reference", "m/s"),
+    RowColumn("worst", _NAMES, "quantity with the largest error in parts of its tolerance"),
+    RowColumn("share", _REAL, "that error / tolerance; infinite where the value is missing"),
+    RowColumn("cause", _TEXT, "likeliest causes, where asked for; null: unknown"),
+)
+_QUANTITY = ("error", "tolerance", "subject")
+_COST = (
+    RowColumn("processor_time", _REAL, "of the run", "s"),
+    RowColumn("reading_time", _REAL, "the adapter's part of it", "s"),
+    RowColumn("wall_time", _REAL, "of the run", "s"),
+    RowColumn("host", _NAMES, "computer that made it"),
+    RowColumn("repeat", _TEXT, "commands that make it again"),
+)
+COSTS = tuple(column.name for column in _COST)
+"""Columns that tell how a run was made; all others are the same whenever it is made again."""
+_LAUNCH = (
+    RowColumn("launched", _TRUTH, "whether there was a launch within the duration"),
+    RowColumn("launch_time", _REAL, "time of the launch", "s"),
+    RowColumn("launch_speed", _REAL, "speed of the projectile at the launch", "m/s"),
+    RowColumn("launch_vx", _REAL, "its horizontal part", "m/s"),
+    RowColumn("launch_vy", _REAL, "its vertical part", "m/s"),
+)
+_MESSAGE = RowColumn("message", _TEXT, "why the machine could not be built or launched")
+
+
+def schema_of(campaign: Campaign) -> Any:
+    """Schema of a campaign's table: a `pyarrow.Schema` with a unit and a meaning for each column.
+
+    Raises:
+        InputError: a parameter has the name of a column.
+    """
+    columns = [*_MACHINE, *parameter_columns(campaign)]
+    if campaign.runs is None:
+        columns += [*_LAUNCH, *(_release(name) for name in _stops(campaign)), _MESSAGE]
+    else:
+        columns += _RUN
+        for quantity in kept_quantities(campaign):
+            columns += _quantity_columns(quantity)
+        columns += _COST
+    names = [column.name for column in columns]
+    for name in campaign.machines.values:
+        if names.count(name) > 1:
+            raise InputError(f"machines.values.{name}: a column of the table has that name.")
+    return pa.schema([column.field() for column in columns])
+
+
+def parameter_columns(campaign: Campaign) -> list[RowColumn]:
+    """Columns of the values that the machines differ in."""
+    units, given = dict[str, str](), campaign.machines.model
+    if isinstance(given, str):
+        units |= number_units(parameters_type(given))
+    return [
+        RowColumn(name, _REAL, "parameter of the machine", units.get(name, ""))
+        for name in campaign.machines.values
+    ]
+
+
+def kept_quantities(campaign: Campaign) -> list[MetricKind]:
+    """Quantities of the table's columns: those asked for, else all that engines are judged by."""
+    asked = () if campaign.runs is None else campaign.runs.quantities
+    if asked:
+        return [judged_quantity(title) for title in asked]
+    return [quantity for quantity in JUDGED.values() if not quantity.of_files]
+
+
+def column_name(quantity: MetricKind, what: str) -> str:
+    """Name of a quantity's column, such as 'position_error'."""
+    return f"{quantity.title.replace('-', '_')}_{what}"
+
+
+def _quantity_columns(quantity: MetricKind) -> list[RowColumn]:
+    texts = {
+        "error": f"largest error of the {quantity.words}, in parts of its tolerance",
+        "tolerance": "tolerance that it is held against; null: not judged",
+        "subject": "marker, coordinate, stop or joint that it is of",
+    }
+    types = {"error": _REAL, "tolerance": _REAL, "subject": _NAMES}
+    return [RowColumn(column_name(quantity, what), types[what], texts[what]) for what in _QUANTITY]
+
+
+def _stops(campaign: Campaign) -> tuple[str, ...]:
+    given = campaign.machines.model
+    assert given is not None
+    return tuple(stop.name for stop in model(given).stops)
+
+
+def _release(stop: str) -> RowColumn:
+    return RowColumn(f"release {stop}", _REAL, f"time at which {stop} opens", "s")
+
+
+# --- Rows
+
+
+def run_row(
+    row: Mapping[str, float], machine: Machine | None, run: Run, kept: Iterable[MetricKind]
+) -> dict[str, Any]:
+    """Row of a run, but for what tells where it was made.
+
+    Args:
+        row: number and values of the machine.
+        machine: as the reference moved it; None: it could not.
+        run: judged.
+        kept: quantities.
+    """
+    fields: dict[str, Any] = {
+        **row,
+        "model": run.model,
+        "engine": run.engine,
+        "preset": run.preset,
+        "engine_version": run.engine_version,
+        "timestep": run.settings.get("timestep"),
+        "steps": run.steps,
+        "outcome": run.outcome.value,
+        "message": run.message,
+        "processor_time": run.processor_time,
+        "reading_time": run.reading_time,
+        "wall_time": run.wall_time,
+    }
+    if machine is not None:
+        fields |= {
+            "mechanism": machine.mechanism_hash[:DIGITS],
+            "compared_to": machine.compared_to,
+            "judged_to": machine.judged_to,
+            "stretching": machine.stretching,
+            "launch_time": machine.launch_time,
+            "launch_speed": machine.launch_speed,
+        }
+    worst = _worst(run.judged)
+    if worst is not None:
+        fields |= {"worst": worst.label, "share": worst.share}
+    if run.diagnosis is not None and run.diagnosis.named:
+        fields["cause"] = "; ".join(cause.name for cause in run.diagnosis.named)
+    for quantity in kept:
+        of_it = [metric for metric in run.metrics if metric.name == quantity.name]
+        metric = _worst(of_it)
+        if metric is None:
+            continue
+        values = (metric.value, metric.tolerance, metric.subject)
+        for what, value in zip(_QUANTITY, values, strict=True):
+            fields[column_name(quantity, what)] = value
+    return fields
+
+
+def _worst(metrics: Sequence[Metric]) -> Metric | None:
+    """The metric farthest beyond its tolerance; of those without one the largest."""
+    judged = [metric for metric in metrics if metric.share is not None]
+    if judged:
+        return max(judged, key=lambda metric: metric.share or 0.0)
+    valued = [metric for metric in metrics if metric.value is not None]
+    return max(valued, key=lambda metric: abs(metric.value or 0.0), default=None)
+
+
+ThrownPart = tuple[IndexArray, BatchLaunches]
+"""Places of some machines of a chunk, (m,), and their launches."""
+
+
+def launch_table(
+    campaign: Campaign,
+    machines: Sequence[int],
+    values: Mapping[str, FloatArray],
+    thrown: Iterable[ThrownPart],
+    messages: Mapping[int, str],
+) -> Any:
+    """Table of launches: a `pyarrow.Table` with a row a machine.
+
+    Args:
+        campaign: that asks for them.
+        machines: their numbers in the design, (n,).
+        values: parameters of all of them, each (n,).
+        thrown: launches of those that could be built, in parts.
+        messages: why machines could not be built or launched, by their place.
+    """
+    n, parts = len(machines), list(thrown)
+
+    def spread(read: Callable[[BatchLaunches], FloatArray]) -> FloatArray:
+        full = np.full(n, np.nan)
+        for places, launches in parts:
+            full[places] = read(launches)
+        return full
+
+    found: dict[str, Any] = {
+        "machine": np.asarray(machines, dtype=np.int64),
+        "mechanism": _hashes(campaign, values),
+        **values,
+        "launch_time": spread(lambda launch: launch.time),
+        "launch_speed": spread(lambda launch: launch.speed),
+        "launch_vx": spread(lambda launch: launch.velocity[:, 0]),
+        "launch_vy": spread(lambda launch: launch.velocity[:, 1]),
+        "message": [messages.get(i) for i in range(n)],
+    }
+    found["launched"] = np.isfinite(found["launch_time"])
+    for name in _stops(campaign):
+        found[f"release {name}"] = spread(lambda launch, name=name: launch.release_times[name])
+    schema = schema_of(campaign)
+    arrays = [pa.array(found[field.name], field.type, from_pandas=True) for field in schema]
+    return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _hashes(campaign: Campaign, values: Mapping[str, FloatArray]) -> list[str]:
+    """SHA-256 of the model and the values of each machine.
+
+    The mechanisms themselves are not made: that would take longer than their motion.
+    """
+    given = campaign.machines.model
+    assert given is not None
+    common = hashlib.sha256(model(given).content_hash.encode())
+    common.update("\n".join(values).encode())
+    rows = np.ascontiguousarray(np.stack(list(values.values()), axis=1), dtype="<f8")
+    found: list[str] = []
+    for row in rows:
+        of_row = common.copy()
+        of_row.update(row.tobytes())
+        found.append(of_row.hexdigest()[:DIGITS])
+    return found
