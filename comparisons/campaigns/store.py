@@ -29,7 +29,7 @@ from ..runs.results import ResultFile
 from ..runs.versions import Versions, versions_here
 from .design import Design
 from .spec import Campaign
-from .table import schema_of
+from .table import columns_of, schema_of
 
 FORMAT = "trebucheck-campaign-1"
 _HEADER, _ROWS = "campaign.json", "rows"
@@ -53,6 +53,8 @@ class CampaignFile(ResultFile):
     versions: Versions
     machines: int
     """Machines of the design, those that `where` leaves out among them."""
+    columns: dict[str, str]
+    """Meanings of the columns of the rows; their units stand in the files."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -92,14 +94,14 @@ class CampaignStore(Reported):
             InputError: the folder holds another campaign, or was made by other versions, or cannot
                 be written to.
         """
-        path, schema_of_it = Path(folder), schema_of(campaign)
-        del schema_of_it  # it was made to refuse names that are taken
+        path, columns = Path(folder), columns_of(campaign)
         found = cls._read(path)
         if found is None:
             file = CampaignFile.made_here(
                 campaign=campaign,
                 versions=_versions(campaign),
                 machines=Design(campaign).size,
+                columns={column.name: column.text for column in columns},
                 **made,
             )
             write_text(path / _HEADER, file.to_json() + "\n")

@@ -20,6 +20,7 @@ from ...models.errors import InputError
 from ...models.library.registry import model, parameters_type
 from ...models.spec import number_units
 from ...reference.taylor.batch import BatchLaunches
+from ...version import __version__
 from ..runs.quantities import JUDGED, MetricKind, judged_quantity
 from ..runs.results import Machine, Metric, Run
 from .spec import Campaign
@@ -40,8 +41,11 @@ class RowColumn:
     unit: str = ""
 
     def field(self) -> Any:
-        """The column in a schema of Arrow, with its unit and meaning as metadata."""
-        return pa.field(self.name, self.type, metadata={"unit": self.unit, "text": self.text})
+        """The column in a schema of Arrow, with its unit as metadata.
+
+        Its meaning would be half of a chunk's file: `campaign.json` has those of all columns.
+        """
+        return pa.field(self.name, self.type, metadata={"unit": self.unit} if self.unit else None)
 
 
 _MACHINE = (
@@ -89,7 +93,17 @@ _MESSAGE = RowColumn("message", _TEXT, "why the machine could not be built or la
 
 
 def schema_of(campaign: Campaign) -> Any:
-    """Schema of a campaign's table: a `pyarrow.Schema` with a unit and a meaning for each column.
+    """Schema of a campaign's table: a `pyarrow.Schema` with units, and the campaign it is of.
+
+    Raises:
+        InputError: a parameter has the name of a column.
+    """
+    made_by = {"trebucheck": __version__, "campaign": f"{campaign.name} {campaign.content_hash}"}
+    return pa.schema([column.field() for column in columns_of(campaign)], metadata=made_by)
+
+
+def columns_of(campaign: Campaign) -> list[RowColumn]:
+    """Columns of a campaign's table, in their order.
 
     Raises:
         InputError: a parameter has the name of a column.
@@ -106,7 +120,7 @@ def schema_of(campaign: Campaign) -> Any:
     for name in campaign.machines.values:
         if names.count(name) > 1:
             raise InputError(f"machines.values.{name}: a column of the table has that name.")
-    return pa.schema([column.field() for column in columns])
+    return columns
 
 
 def parameter_columns(campaign: Campaign) -> list[RowColumn]:
