@@ -130,7 +130,7 @@ class _Process(ProcessPoolExecutor):
     """A process that makes calls; the thread that starts it lasts as long: it ends with both."""
 
     def __init__(self) -> None:
-        super().__init__(max_workers=1, initializer=_begin_process)
+        super().__init__(max_workers=1, initializer=_begin_process, initargs=(os.getpid(),))
         self._starter = ThreadPoolExecutor(1, "starter")
 
     def begin(self) -> None:
@@ -317,23 +317,28 @@ def _no_interruption(runner: object, error: BaseException) -> SimulationError:
     return SimulationError(f"{name} raised {type(error).__name__}: {error}.")
 
 
-def _begin_process() -> None:
+def _begin_process(parent: int) -> None:
     """Prepare a process that makes calls, before the first.
 
     Where psutil is installed, loky ends a process that has grown by 300 MB, as if that were a leak,
     and warns. The modules of engines and a reference are as large, and they are to stay.
     """
-    end_with_parent()
+    end_with_parent(parent)
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # pyright: ignore[reportPrivateUsage]
 
 
-def end_with_parent() -> None:
+def end_with_parent(parent: int) -> None:
     """Make the system end this process when the thread that started it ends (on Linux).
 
     Elsewhere a process whose parent was killed ends after the call that it makes.
+
+    Args:
+        parent: number of the process that started this one; if that is gone already, this one ends.
     """
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
 
 
 FORKS = sys.platform == "linux" and hasattr(os, "pidfd_open")
@@ -361,9 +366,9 @@ def _call_forked(
     ours, theirs = Pipe(duplex=False)
     sys.stdout.flush()
     sys.stderr.flush()
-    pid = os.fork()
+    parent, pid = os.getpid(), os.fork()
     if pid == 0:
-        _make(call, theirs)
+        _make(call, theirs, parent)
     theirs.close()
     ended = os.pidfd_open(pid)
     try:
@@ -390,11 +395,11 @@ def _import(modules: tuple[str, ...]) -> bool:
     return len(list(_TASKS.iterdir())) <= threads
 
 
-def _make(call: bytes, pipe: Connection) -> None:
+def _make(call: bytes, pipe: Connection, parent: int) -> None:
     """Make the call in the new process, send its result, and end."""
     try:
         os.setpgid(0, 0)
-        end_with_parent()
+        end_with_parent(parent)
         with suppress(OSError):
             Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
         before = set(sys.modules)
