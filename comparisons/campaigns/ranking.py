@@ -22,7 +22,9 @@ from .agreement import Layer
 LEAST = 64
 """Machines below which a ranking says nothing."""
 _FARTHEST = 12.0  # powers of ten of a share, both ways: an infinite one has one, too
-_IN_AN_INTERVAL, _INTERVALS = 16, (4, 10)  # machines in an interval, and least and most intervals
+# Intervals of a parameter with few and with many machines: powers of two, whose ends are exact (for
+# others SALib 1.6 may ask for a quantile beyond 1)
+_FEW, _MANY, _MANY_MACHINES = 4, 8, 128
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def ranking(layer: Layer, seed: int = 0) -> Ranking | None:
     names = [*varying, "a random number"]
     bounds = [[float(column.min()), float(column.max())] for column in columns]
     problem = {"num_vars": len(names), "names": names, "bounds": bounds}
-    intervals = int(np.clip(len(powers) // _IN_AN_INTERVAL, *_INTERVALS))
+    intervals = _MANY if len(powers) >= _MANY_MACHINES else _FEW
     found: Any = pawn.analyze(problem, np.stack(columns, axis=1), powers, S=intervals, seed=seed)
     *indices, chance = np.asarray(found["mean"], dtype=float).tolist()
     pairs = sorted(zip(varying, indices, strict=True), key=lambda pair: -pair[1])

@@ -382,6 +382,9 @@ def test_the_ranking_finds_the_parameter_that_matters(pendulums: CampaignStore) 
     found = ranking(replace(layer, rows=rows, share=share, failed=failed))
     assert found is not None and list(found.indices) == ["length", "amplitude"]
     assert found.indices["length"] > 3 * found.chance > 1.5 * found.indices["amplitude"]
+    for n in range(64, 200, 9):  # whatever the number of machines
+        part = replace(layer, rows=rows[:n], share=share[:n], failed=failed[:n])
+        assert ranking(part) is not None
     few = replace(layer, rows=rows[:20], share=share[:20], failed=failed[:20])
     assert ranking(few) is None
 
