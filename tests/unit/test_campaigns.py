@@ -6,6 +6,7 @@ import json
 import os
 import re
 import signal
+import time
 import tomllib
 from dataclasses import replace
 from functools import partial
@@ -302,6 +303,8 @@ def test_a_full_disk_ends_it_with_a_sentence_and_an_intact_store(
 ) -> None:
     def full(path: Path, content: bytes) -> None:
         if path.name == "chunk-0000001.parquet":
+            while not path.with_name("chunk-0000000.parquet").exists():
+                time.sleep(0.01)  # chunks are made by two threads, in any order
             raise UnwritableError(f"{path} cannot be written: No space left on device.")
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
