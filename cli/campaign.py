@@ -10,6 +10,7 @@ import typer
 
 from ..models.errors import InputError
 from . import output
+from .agree import FACTOR
 from .call import Call, command
 from .options import argument, folder, option
 
@@ -93,7 +94,7 @@ def show_command(call: Call) -> bool:
     folder(None, "Page to write; none by default."),
     old=argument("Folder of the campaign of before.", Path),
     new=argument("Folder of the campaign of now.", Path),
-    factor=option("--factor", "By which an error must change to have moved.", float, 1.1),
+    factor=option("--factor", "By which an error must change to have moved.", float, FACTOR),
 )
 def diff_command(call: Call) -> bool:
     """Compare two campaigns of the same machines run by run, of two versions of an engine, say.
@@ -196,5 +197,5 @@ def _publish(call: Call, store: CampaignStore) -> bool:
     page = document(store, call.x, call.y)
     path = store.folder / "campaign.html"
     write_text(path, html.page(page))
-    output.show(page, call.told, Page=path, Rows=store.folder / "rows")
+    output.show(page, call.told, Page=path, Rows=store.row_folder)
     return store.has_result

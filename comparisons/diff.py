@@ -30,8 +30,7 @@ from .runs.tolerances import rounding_floor
 
 __path__: list[str] = []  # names of earlier releases below this module: see renamed.py
 
-# Ranks of outcomes of engines that could run, the best first
-_RANKS = {
+RANKS = {
     Outcome.AGREES: 0,
     Outcome.NOT_JUDGED: 1,
     Outcome.DISAGREES: 2,
@@ -39,6 +38,7 @@ _RANKS = {
     Outcome.FAILED: 4,
     Outcome.TIMED_OUT: 4,
 }
+"""Ranks of outcomes of engines that could run, the best first."""
 
 
 class Fate(StrEnum):
@@ -149,9 +149,7 @@ class RunChange:
     @property
     def ranks(self) -> tuple[int | None, int | None]:
         """Ranks of both outcomes; None for what is missing, not installed or not supported."""
-        old, new = (
-            None if run is None else _RANKS.get(run.outcome) for run in (self.old, self.new)
-        )
+        old, new = (None if run is None else RANKS.get(run.outcome) for run in (self.old, self.new))
         return old, new
 
     @property
@@ -160,7 +158,7 @@ class RunChange:
         old, new = self.ranks
         if new is None:
             return Fate.SAME if old is None else Fate.VANISHED
-        failed = new == _RANKS[Outcome.FAILED]
+        failed = new == RANKS[Outcome.FAILED]
         if old is None:
             return Fate.FAILS if failed else Fate.APPEARED
         if self.reason:

@@ -364,9 +364,11 @@ class Suite:
     ) -> None:
         self.target, self.problems, self.required = target, tuple(problems), required
         self._references = {} if references is None else references
-        self._worker = Worker(timeout, isolate, fresh=True)
-        if cluster is not None:
-            self._worker = cluster.worker(timeout, fresh=True)
+        self._worker = (
+            Worker(timeout, isolate, fresh=True)
+            if cluster is None
+            else cluster.worker(timeout, fresh=True)
+        )
         self._verdicts: dict[str, dict[str, CheckVerdict]] = {}
         self._diagnosed = 0
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...models.arrays import FloatArray, IndexArray
 from ...models.errors import InputError
 from ..runs.quantities import MetricKind
-from ..runs.results import Outcome
+from ..runs.results import COMPARED
 from .store import CampaignStore
 from .table import column_name, kept_quantities
 
@@ -91,6 +91,7 @@ def layers(store: CampaignStore) -> Iterator[Layer]:
     table = store.to_pandas()
     kept = [kind for kind in kept_quantities(store.campaign) if _is_judged(table, kind)]
     names = tuple(store.campaign.machines.values)
+    compared = [outcome.value for outcome in COMPARED]
     steps: list[float | None] = list(runs.timesteps) or [None]
     for engine in runs.engines:
         of_engine = table[table["engine"] == engine]
@@ -102,17 +103,12 @@ def layers(store: CampaignStore) -> Iterator[Layer]:
                 rows = of_engine[chosen]
                 if not len(rows):
                     continue
-                failed = ~rows["outcome"].isin(_COMPARED).to_numpy(dtype=bool)
+                failed = ~rows["outcome"].isin(compared).to_numpy(dtype=bool)
                 place = engine, preset, step
                 whole = rows["share"].to_numpy(dtype=float)
                 yield Layer(*place, ALL, whole, failed, rows, names)
                 for kind in kept:
                     yield Layer(*place, kind.words, _share(rows, kind), failed, rows, names)
-
-
-_COMPARED = tuple(
-    outcome.value for outcome in (Outcome.AGREES, Outcome.DISAGREES, Outcome.NOT_JUDGED)
-)
 
 
 def _is_judged(table: Any, kind: MetricKind) -> bool:

@@ -16,26 +16,16 @@ import pandas as pd
 
 from ...models.errors import InputError
 from ...models.shown import Reported
+from ..diff import FACTOR, RANKS
 from ..runs.quantities import MetricKind
 from ..runs.results import Outcome
 from .store import CampaignStore
 from .table import column_name, kept_quantities
 
-FACTOR = 1.1
-"""Factor by which an error must change to have moved, unless another one is asked for."""
 _NEGLIGIBLE = 1e-6  # of its tolerance: an error below says nothing of the engine
 _KEYS = ["mechanism", "engine", "preset", "timestep"]
-_RANKS = {
-    Outcome.AGREES.value: 0,
-    Outcome.NOT_JUDGED.value: 1,
-    Outcome.DISAGREES.value: 2,
-    Outcome.NOT_EQUIVALENT.value: 3,
-    Outcome.UNSUPPORTED.value: 4,
-    Outcome.ABSENT.value: 4,
-    Outcome.FAILED.value: 5,
-    Outcome.TIMED_OUT.value: 5,
-}
-assert set(_RANKS) == {outcome.value for outcome in Outcome}
+_NOT_BUILT = 3.5  # rank: worse than another model, better than a failure
+_RANKS = {outcome.value: RANKS.get(outcome, _NOT_BUILT) for outcome in Outcome}
 
 
 @dataclass(frozen=True, repr=False)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...engines.protocol import Engine
 from ...models.errors import InputError
 from ...models.library.registry import (
     library_problem,
@@ -19,11 +20,13 @@ from ...models.library.registry import (
     varied,
 )
 from ...models.mechanism import Mechanism
-from ...models.problem import Problem
+from ...models.problem import Problem, mechanism_of
 from ...models.spec import SpecError
 from ...models.stacked import stack_of
 from ...reference.taylor.expressions import heyoka
 from ...reference.taylor.numbers import PROJECTILE
+from ..compare import FinishedRun, MachineRuns, RunKey
+from ..runs.process import Worker
 from ..runs.study import Study
 from .design import Design
 from .random_mechanisms import random_mechanism
@@ -92,8 +95,9 @@ def refuse_impossible(described: Campaign) -> None:
         InputError: there is something of that kind; the sentence names it.
     """
     machines = described.machines
-    given = random_mechanism(described.seed, family=machines.family)
-    if machines.model is not None:
+    if machines.model is None:
+        given = random_mechanism(described.seed, family=machines.family)
+    else:
         given = model(machines.model)
         first = dict.fromkeys(machines.values, 0.0)
         if isinstance(machines.model, str) and first.keys() & parameters(machines.model):
@@ -134,3 +138,37 @@ def study_of(runs: Runs, given: Mechanism | Problem, step: float | None = None) 
         diagnose=runs.diagnose,
         timeout=runs.timeout,
     )
+
+
+class MovedMachine:
+    """A machine that the reference has moved, and on which engines run.
+
+    Args:
+        given: the machine.
+        runs: what is asked for.
+        worker: in which engines run.
+
+    Raises:
+        InputError: the end of its motion is not valid, or the reference cannot begin.
+        SimulationError: the reference failed.
+    """
+
+    def __init__(self, given: Mechanism | Problem, runs: Runs, worker: Worker) -> None:
+        self._given, self._runs = given, runs
+        self._studies: dict[float | None, Study] = {None: study_of(runs, given)}
+        self.compared = MachineRuns(self._studies[None], mechanism_of(given), worker)
+        """The machine as `compare` has it."""
+
+    def engine(self, case: EngineCase) -> Engine:
+        """Engine of a case, with the step that it has on this machine."""
+        study = self._studies.get(case.timestep)
+        if study is None:
+            study = self._studies[case.timestep] = study_of(self._runs, self._given, case.timestep)
+        row = self.compared.machine
+        return study.engine_for(row.model, row.scales, study.engine(case.engine, case.preset))
+
+    def run(self, case: EngineCase, engine: Engine) -> FinishedRun:
+        """Run the engine of a case, and judge it."""
+        return self.compared.run(
+            RunKey(self.compared.machine.model, case.engine, case.preset), engine
+        )

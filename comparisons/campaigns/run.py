@@ -32,17 +32,21 @@ from ...models.errors import (
     UnsupportedProblemError,
 )
 from ...models.library.registry import Model, varied
-from ...models.mechanism import Mechanism
-from ...models.problem import Problem, mechanism_of
 from ...models.trajectory import Trajectory, save
 from ...reference.taylor.batch import launch_batch
-from ..compare import MachineRuns, RunKey
 from ..runs.process import ProcessError, Worker
 from ..runs.runner import failure
 from ..runs.store import conditions
 from ..runs.study import Progress, Study
 from .design import Design
-from .machines import EngineCase, machine_of, parameters, refuse_impossible, row_of, study_of
+from .machines import (
+    EngineCase,
+    MovedMachine,
+    machine_of,
+    parameters,
+    refuse_impossible,
+    row_of,
+)
 from .spec import Campaign, Launches, Runs
 from .store import CampaignStore, as_parquet, from_parquet
 from .table import DIGITS, ThrownPart, kept_quantities, launch_table, run_row, schema_of
@@ -256,14 +260,12 @@ def _runs(
         before: its rows of an earlier time, in the same order; empty: none.
     """
     cases = _cases(runs)
-    moved: tuple[Mechanism | Problem, MachineRuns] | None = None
+    machine: MovedMachine | None = None
     asked = [not before or bool(before[k]["process_failed"]) for k in range(len(cases))]
     error: Exception | None = None
     if any(asked):
         try:
-            given = machine_of(described, row)
-            study = study_of(runs, given)
-            moved = given, MachineRuns(study, mechanism_of(given), _beside(runs.timeout))
+            machine = MovedMachine(machine_of(described, row), runs, _beside(runs.timeout))
         except StudyEndedError:
             raise
         except Exception as raised:  # a machine may be as odd as its values
@@ -271,33 +273,30 @@ def _runs(
     for k, case in enumerate(cases):
         if not asked[k]:
             yield before[k], None
-        elif moved is None:
+        elif machine is None:
             yield _failed(described, row, case, error), None
         else:
-            yield _one(described, runs, row, case, moved)
+            yield _one(described, row, case, machine, runs.trajectories)
 
 
 def _one(
     described: Campaign,
-    runs: Runs,
     row: dict[str, Any],
     case: EngineCase,
-    moved: tuple[Mechanism | Problem, MachineRuns],
+    machine: MovedMachine,
+    keeps_motion: bool,
 ) -> tuple[dict[str, Any], Trajectory | None]:
     """Row of one run, and its motion where it is kept."""
-    given, machine = moved
-    study = study_of(runs, given, case.timestep)
-    model, scales = machine.machine.model, machine.machine.scales
-    engine = study.engine_for(model, scales, study.engine(case.engine, case.preset))
-    finished = machine.run(RunKey(model, case.engine, case.preset), engine)
-    made = run_row(row, machine.machine, finished.run, kept_quantities(described))
+    engine, compared = machine.engine(case), machine.compared
+    finished = machine.run(case, engine)
+    made = run_row(row, compared.machine, finished.run, kept_quantities(described))
     made |= {
-        "run": conditions(*machine.runner.conditions, engine=engine)[:DIGITS],
+        "run": conditions(*compared.runner.conditions, engine=engine)[:DIGITS],
         "process_failed": finished.record.process_failed,
         "host": platform.node(),
         "repeat": _repeat(described, row, case),
     }
-    if finished.motion is None or not runs.trajectories:
+    if finished.motion is None or not keeps_motion:
         return made, None
     return made, finished.motion()
 

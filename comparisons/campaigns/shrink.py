@@ -24,11 +24,10 @@ from ...models.errors import (
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, mechanism_of
 from ...models.stacked import numbers, with_numbers
-from ..compare import MachineRuns, RunKey
 from ..runs.process import Worker
 from ..runs.results import Metric, Outcome, Run
 from ..runs.study import Progress
-from .machines import EngineCase, study_of
+from .machines import EngineCase, MovedMachine
 from .spec import Runs
 
 _DIGITS = (1, 2, 3)  # significant ones that a number is rounded to, the fewest first
@@ -164,9 +163,8 @@ class _Trial:
 
     def run(self, given: Mechanism | Problem) -> Run:
         """The judged run."""
-        study = study_of(self.runs, given, self.case.timestep)
-        machine = MachineRuns(study, mechanism_of(given), self.worker)
-        return machine.run(self._key(given), self._engine(given, machine)).run
+        machine = MovedMachine(given, self.runs, self.worker)
+        return machine.run(self.case, machine.engine(self.case)).run
 
     def run_if_valid(self, given: Mechanism | Problem) -> Run | None:
         """The run, if it disagrees; None for a machine that cannot be moved or run."""
@@ -180,23 +178,14 @@ class _Trial:
 
     def script(self, given: Mechanism | Problem) -> str | None:
         """Program of the engine's own interface; None where the adapter writes none."""
-        study = study_of(self.runs, given, self.case.timestep)
-        machine = MachineRuns(study, mechanism_of(given), self.worker)
-        engine: Any = self._engine(given, machine)
+        machine = MovedMachine(given, self.runs, self.worker)
+        engine: Any = machine.engine(self.case)
         if not hasattr(engine, "script"):
             return None
         try:
-            return str(engine.script(machine.runner.problem(engine)))
+            return str(engine.script(machine.compared.runner.problem(engine)))
         except (UnsupportedProblemError, InputError):
             return None
-
-    def _key(self, given: Mechanism | Problem) -> RunKey:
-        return RunKey(mechanism_of(given).name, self.case.engine, self.case.preset)
-
-    def _engine(self, given: Mechanism | Problem, machine: MachineRuns) -> Any:
-        study = study_of(self.runs, given, self.case.timestep)
-        made = study.engine(self.case.engine, self.case.preset)
-        return study.engine_for(machine.machine.model, machine.machine.scales, made)
 
 
 # --- What can be taken away

@@ -5,7 +5,6 @@ It is read from a TOML file; a complaint names the line and the field.
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,7 +25,6 @@ MACHINES_AT_ONCE, LAUNCHES_AT_ONCE = 16, 8192
 """Machines of a chunk by default: that engines are run on, and that the reference launches."""
 _LONGEST_SEQUENCE = 2**30  # points of Sobol's sequence in 30 bits, as SciPy makes it
 _LARGEST_FILE = 10_000_000  # [B]
-_LINE = re.compile(r"at line (\d+)")
 
 
 class Interval(Spec):

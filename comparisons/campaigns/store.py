@@ -32,7 +32,7 @@ from .spec import Campaign
 from .table import columns_of, schema_of
 
 FORMAT = "trebucheck-campaign-1"
-_HEADER, _ROWS = "campaign.json", "rows"
+_HEADER = "campaign.json"
 _IN_A_PART = 1000  # chunks: a folder of many thousand files is slow to list
 _CODE = (
     "models",
@@ -78,7 +78,7 @@ class CampaignStore(Reported):
             yield from batch.to_pylist()
 
     def to_dataframe(self) -> Any:
-        """All rows that are there as a pandas data frame."""
+        """Read all rows that are there as a pandas data frame."""
         return self.to_pandas()
 
     @classmethod
@@ -164,10 +164,20 @@ class CampaignStore(Reported):
         size = self.campaign.chunk_size
         return range(chunk * size, min((chunk + 1) * size, self.file.machines))
 
+    @property
+    def row_folder(self) -> Path:
+        """Folder of the chunks' files."""
+        return self.folder / "rows"
+
+    @property
+    def files(self) -> list[Path]:
+        """Files of the chunks that are there, in the order of the machines."""
+        return sorted(self.row_folder.glob("*/chunk-*.parquet"))
+
     def path(self, chunk: int) -> Path:
         """Path of a chunk's file."""
         part = f"part={chunk // _IN_A_PART:04d}"
-        return self.folder / _ROWS / part / f"chunk-{chunk:07d}.parquet"
+        return self.row_folder / part / f"chunk-{chunk:07d}.parquet"
 
     def write(self, chunk: int, content: bytes) -> None:
         """Write a chunk's file, as :func:`as_parquet` makes it, whole or not at all.
@@ -219,12 +229,12 @@ class CampaignStore(Reported):
         return schema_of(self.campaign)
 
     def dataset(self) -> Any:
-        """All rows that are there, as a `pyarrow.dataset.Dataset`, read as asked for."""
-        files = sorted(map(str, (self.folder / _ROWS).glob("*/chunk-*.parquet")))
+        """Find all rows that are there: a `pyarrow.dataset.Dataset`, read as asked for."""
+        files = list(map(str, self.files))
         return ds.dataset(files, schema=self.schema, format="parquet")
 
     def to_pandas(self, columns: list[str] | None = None) -> Any:
-        """All rows that are there, in the order of the machines, as a `pandas.DataFrame`."""
+        """Read all rows that are there, in the order of the machines: a `pandas.DataFrame`."""
         return self.dataset().to_table(columns=columns).to_pandas()
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
@@ -72,9 +72,7 @@ def document(store: CampaignStore, along: str | None = None, up: str | None = No
     if store.campaign.runs is None:
         return _of_launches(store, x, y)
     found = list(layers(store))
-    verdict = _verdict(store, found)
-    blocks: list[doc.Block] = [doc.Text(verdict, "strong"), _progress(store)]
-    blocks += [doc.Heading("Verdicts", 2, medium="any"), _counts(found)]
+    blocks: list[doc.Block] = [doc.Heading("Verdicts", 2, medium="any"), _counts(found)]
     blocks.append(doc.Heading("Where engines agree and where they part", 2))
     blocks.append(doc.Note(_HOW))
     for _, group in groupby(found, key=_name):
@@ -82,9 +80,14 @@ def document(store: CampaignStore, along: str | None = None, up: str | None = No
         blocks.append(_map(store, of_engine, x, y))
     blocks += _ranking(found)
     blocks += _reasons(found)
+    return _page(store, _verdict(store, found), blocks)
+
+
+def _page(store: CampaignStore, verdict: str, blocks: Sequence[doc.Block]) -> doc.Document:
+    """Page of a campaign: the verdict, what is there, and then the blocks."""
     return doc.Document(
         f"Campaign {store.campaign.name}",
-        tuple(blocks),
+        (doc.Text(verdict, "strong"), _progress(store), *blocks),
         f"trebucheck: {store.campaign.name}",
         command=store.file.command or "",
         verdict=verdict,
@@ -108,8 +111,7 @@ _PLURAL = {outcome.value: outcome.value for outcome in Outcome} | {
 
 
 def _progress(store: CampaignStore) -> doc.Text:
-    there = sum(1 for _ in (store.folder / "rows").glob("*/chunk-*.parquet"))
-    made = f"{there} of {store.chunks} chunks are there."
+    made = f"{len(store.files)} of {store.chunks} chunks are there."
     return doc.Text(f"{made} Made by {store.file.machine_text}.")
 
 
@@ -231,7 +233,7 @@ def _of_launches(store: CampaignStore, x: str, y: str | None) -> doc.Document:
     launched = table[table["launched"]]
     verdict = f"{len(launched)} of {len(table)} machines launched."
     messages = Counter(table["message"].dropna().map(_without_values))
-    blocks: list[doc.Block] = [doc.Text(verdict, "strong"), _progress(store)]
+    blocks: list[doc.Block] = []
     if len(launched):
         thinned = launched[:: max(1, len(launched) // _MOST)]
 
@@ -248,14 +250,7 @@ def _of_launches(store: CampaignStore, x: str, y: str | None) -> doc.Document:
         rows = [tuple(row) for row in best[columns].itertuples(index=False)]
         blocks.append(doc.table(heads, rows, "The fastest launches"))
     blocks += _listing("Not launched", messages)
-    return doc.Document(
-        f"Campaign {store.campaign.name}",
-        tuple(blocks),
-        f"trebucheck: {store.campaign.name}",
-        command=store.file.command or "",
-        verdict=verdict,
-        wide=True,
-    )
+    return _page(store, verdict, blocks)
 
 
 # --- Ranking and reasons
