@@ -179,7 +179,7 @@ class Call:
         """Processes for runs of at most --timeout."""
         from ..comparisons.runs.process import Worker
 
-        return Worker(options.positive(self.timeout, "--timeout"), isolate)
+        return Worker(self.timeout, isolate)
 
     def progress(
         self, what: str = "reference", width: int = 40

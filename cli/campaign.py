@@ -46,10 +46,13 @@ def run_command(call: Call) -> bool:
     Example: trebucheck campaign run arms.toml --out arms --jobs 2
     """
     from ..comparisons.campaigns.campaign import campaign
+    from ..comparisons.campaigns.spec import Campaign
 
+    described = Campaign.read(call.file)
+    described.axes(call.x, call.y)  # before any run
     with call.progress("preparing") as show:
         store = campaign(
-            call.file,
+            described,
             call.out,
             jobs=call.jobs,
             cluster=call.cluster,
@@ -69,6 +72,7 @@ def resume_command(call: Call) -> bool:
     from ..comparisons.campaigns.campaign import campaign, open_campaign
 
     begun = open_campaign(call.campaign)
+    begun.campaign.axes(call.x, call.y)  # before any run
     with call.progress("preparing") as show:
         store = campaign(
             begun.campaign, call.campaign, jobs=call.jobs, cluster=call.cluster, progress=show

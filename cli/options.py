@@ -85,11 +85,13 @@ def _declared(kind: Any, info: Any, default: Any) -> Parameter:
 
 
 def _of_kind(kind: Any) -> dict[str, Any]:
-    """Reader of a number, whose complaint names the text."""
+    """Reader of a number or a path, whose complaint names the text."""
     if kind in (float, float | None):
         return {"parser": _real}
     if kind in (int, int | None):
         return {"parser": _whole}
+    if kind in (Path, Path | None, list[Path]):
+        return {"parser": _path}
     return {}
 
 
@@ -105,6 +107,20 @@ def _whole(text: str | int) -> int:
         return int(text)
     except ValueError:
         raise typer.BadParameter(f"{text!r} is not a whole number.") from None
+
+
+def positive_number(text: str | float) -> float:
+    """Read a number of an option that must be greater than zero."""
+    value = _real(text)
+    if not value > 0:
+        raise typer.BadParameter(f"{value!r} must be positive.")
+    return value
+
+
+def _path(text: str | Path) -> Path:
+    if not str(text).strip():
+        raise typer.BadParameter("it is empty; a name is needed (the folder one is in is '.').")
+    return Path(text)
 
 
 def option(
@@ -150,13 +166,12 @@ def folder(default: str | None, text: str) -> Parameter:
 
 def out(text: str) -> Any:
     """Make the option --out of a command; `text` is its help."""
+    return typer.Option("--out", parser=_path, metavar="PATH", help=text)
 
-    def path(value: str | Path) -> Path:
-        if not str(value).strip():
-            raise typer.BadParameter("it is empty; a name is needed (the folder one is in is '.').")
-        return Path(value)
 
-    return typer.Option("--out", parser=path, metavar="PATH", help=text)
+def timeout(default: float, text: str) -> Parameter:
+    """Declare the option --timeout; `text` is its help."""
+    return option("--timeout", text, float, default, parser=positive_number)
 
 
 # The options that several commands share, by the names that their values have in a call.
@@ -250,7 +265,7 @@ OPTIONS = {
         bool,
         False,
     ),
-    "timeout": option("--timeout", "Longest wait for one run (s).", float, 600.0),
+    "timeout": timeout(600.0, "Longest wait for one run (s)."),
     "quiet": option("--quiet -q", "Print only the verdict in a line, and the files.", bool, False),
     "json": option("--json", "Print the results as JSON, and nothing else.", bool, False),
 }

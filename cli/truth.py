@@ -50,7 +50,6 @@ def certify_command(call: Call) -> bool:
     models = call.models()
     if call.duration is not None:
         options.positive(call.duration, "--duration")
-    options.positive(call.timeout, "--timeout")
     refuse_unwritable(call.out)
     certificates: list[str] = []
     for name, model in zip(options.names(call.values["models"], "--models"), models, strict=True):

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray, IndexArray
-from ...models.errors import InputError
 from ..runs.quantities import MetricKind
 from ..runs.results import COMPARED
 from .store import CampaignStore
@@ -59,29 +58,6 @@ class Layer:
             level = np.clip(np.ceil(np.log10(self.share)) + 2, 0, len(LEVELS) - 1)
         found = np.where(np.isnan(self.share), -1, np.nan_to_num(level)).astype(np.int64)
         return np.where(self.failed, -2, found)
-
-
-def axes_of(
-    store: CampaignStore, x: str | None = None, y: str | None = None
-) -> tuple[str, str | None]:
-    """Columns over which a map is drawn: the first two parameters that vary, where none is named.
-
-    Of one parameter the second is None; of none the first is the number of the machine.
-
-    Raises:
-        InputError: there is no such parameter.
-    """
-    values = store.campaign.machines.values
-    for name in (x, y):
-        if name is not None and name not in values:
-            known = ", ".join(values) or "none: its machines are random"
-            raise InputError(
-                f"{name[:60]!r} is no parameter of {store.campaign.name!r}; there are: {known}."
-            )
-    rest = [name for name, value in values.items() if not isinstance(value, float)]
-    rest = [name for name in rest if name not in (x, y)]
-    chosen = [rest.pop(0) if name is None and rest else name for name in (x, y)]
-    return chosen[0] or "machine", chosen[1]
 
 
 def layers(store: CampaignStore) -> Iterator[Layer]:

@@ -199,6 +199,28 @@ class Campaign(Spec):
             return self.chunk
         return MACHINES_AT_ONCE if self.launches is None else LAUNCHES_AT_ONCE
 
+    def axes(self, x: str | None = None, y: str | None = None) -> tuple[str, str | None]:
+        """Choose the columns over which a map is drawn: by default the first two that vary.
+
+        Of one parameter the second is None; of none the first is the number of the machine.
+
+        Raises:
+            InputError: there is no such parameter, or both are the same.
+        """
+        values = self.machines.values
+        for name in (x, y):
+            if name is not None and name not in values:
+                known = ", ".join(values) or "none: its machines are random"
+                raise InputError(
+                    f"{name[:60]!r} is no parameter of {self.name!r}; there are: {known}."
+                )
+        if x is not None and x == y:
+            raise InputError(f"{x!r} stands for both axes of the map; one of them must be another.")
+        rest = [name for name, value in values.items() if not isinstance(value, float)]
+        rest = [name for name in rest if name not in (x, y)]
+        chosen = [rest.pop(0) if name is None and rest else name for name in (x, y)]
+        return chosen[0] or "machine", chosen[1]
+
     @classmethod
     def read(cls, path: str | Path) -> Self:
         """Read a campaign from a TOML file; a mechanism's file that it names is taken in.

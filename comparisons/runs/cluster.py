@@ -7,6 +7,7 @@ public interface is used, so that any cluster will do: `LocalCluster`, Slurm, Ku
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 from collections.abc import Callable, Mapping
@@ -116,8 +117,8 @@ def _connected(given: object) -> Client:
     """A client of a scheduler by address or file; InputError if none answers."""
     text = str(given)
     is_file = isinstance(given, Path) or text.endswith(".json")
-    if is_file and not Path(text).is_file():
-        raise InputError(f"cluster {text!r}: there is no such scheduler file.")
+    if is_file:
+        _refuse_no_scheduler_file(Path(text))
     where: dict[str, Any] = {"scheduler_file": text} if is_file else {"address": text}
     try:
         return Client(**where, timeout=_CONNECT, set_as_default=False)
@@ -126,6 +127,20 @@ def _connected(given: object) -> Client:
             f"cluster {text!r}: no scheduler answers there ({error}); an address such as "
             "tcp://host:8786 or a scheduler file is needed."
         ) from None
+
+
+def _refuse_no_scheduler_file(path: Path) -> None:
+    """Raise InputError if a file is not one that a scheduler writes: distributed only asserts."""
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"cluster {str(path)!r}: there is no such scheduler file.") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"cluster {str(path)!r} cannot be read: {error}.") from None
+    if not isinstance(fields, dict) or "address" not in fields:
+        raise InputError(
+            f"cluster {str(path)!r} is no scheduler file: it has no field 'address'."
+        )
 
 
 @dataclass

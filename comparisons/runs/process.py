@@ -18,6 +18,7 @@ import math
 import os
 import pickle
 import signal
+import socket
 import sys
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
@@ -36,7 +37,7 @@ from joblib.externals.loky.backend.reduction import dumps
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from ...engines.protocol import Engine
-from ...models.errors import SimulationError, TrebucheckError
+from ...models.errors import EngineNotInstalledError, SimulationError, TrebucheckError
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
 
@@ -425,6 +426,18 @@ def result_of(answer: bytes) -> Any:
     return result
 
 
+def _call_from(call: bytes) -> tuple[Callable[..., object], tuple[object, ...]]:
+    """A call's function and arguments; EngineNotInstalledError if their module is not here.
+
+    A worker of a cluster may lack the distribution of an engine's adapter.
+    """
+    try:
+        return pickle.loads(call)
+    except ModuleNotFoundError as error:
+        here = socket.gethostname()
+        raise EngineNotInstalledError(f"the adapter cannot be imported on {here}: {error}.") from None
+
+
 def answer_to(call: bytes, make: Callable[..., object] | None = None) -> bytes:
     """Make a call, and pickle its result and its error, one of them None.
 
@@ -434,7 +447,7 @@ def answer_to(call: bytes, make: Callable[..., object] | None = None) -> bytes:
     """
     given: tuple[object, ...] = (None,)
     try:
-        function, given = pickle.loads(call)
+        function, given = _call_from(call)
         result = function(*given) if make is None else make(function, *given)
         return bytes(dumps((result, None)))
     except Exception as error:

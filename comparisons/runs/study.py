@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from .cluster import Cluster
 
 _TAIL = 0.4  # of the compared time: the reference goes on, for events of engines that are late
+_MOST_JOBS = 1024  # processes of one machine; a cluster has as many as its workers
 _SPANS = (2.0, 5.5, 16.0)  # characteristic times within which a release is looked for
 
 
@@ -269,8 +270,8 @@ class Study:
         if not self.timeout > 0:
             raise InputError(f"timeout = {self.timeout!r} s must be positive.")
         self._join_cluster()
-        if self.at_once < 1:
-            raise InputError(f"jobs = {self.jobs!r} must be at least 1.")
+        if self.jobs is not None and not 1 <= self.jobs <= _MOST_JOBS:
+            raise InputError(f"jobs = {self.jobs!r} must be between 1 and {_MOST_JOBS}.")
         if self.at_once > 1 and not self.isolate:
             raise InputError(
                 f"jobs = {self.jobs} needs isolated runs; in this process they are made one at "

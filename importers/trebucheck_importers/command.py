@@ -34,11 +34,18 @@ def importer_command(
     timestep: Annotated[
         float,
         typer.Option(
-            "--timestep", help="Longest step of the coarser of two runs of each motion (s)."
+            "--timestep",
+            parser=options.positive_number,
+            help="Longest step of the coarser of two runs of each motion (s).",
         ),
     ] = 1e-3,
     timeout: Annotated[
-        float, typer.Option("--timeout", help="Longest wait for an answer of the importer (s).")
+        float,
+        typer.Option(
+            "--timeout",
+            parser=options.positive_number,
+            help="Longest wait for an answer of the importer (s).",
+        ),
     ] = 60.0,
     out: Annotated[
         Path | None,
@@ -81,8 +88,8 @@ def importer_command(
             loader,
             python=python or Path(sys.executable),
             models=options.names(models, "--models") if models else (),
-            timestep=options.positive(timestep, "--timestep"),
-            timeout=options.positive(timeout, "--timeout"),
+            timestep=timestep,
+            timeout=timeout,
             progress=progress,
             store=store,
         ).made_by(output.command_line(context))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from trebucheck.api.commands import InputError, options, output
+from trebucheck.api.commands import options, output
 
 
 def paper_command(
@@ -19,7 +19,12 @@ def paper_command(
         ),
     ] = None,
     timeout: Annotated[
-        float, typer.Option("--timeout", help="Longest wait for one run, or one further study (s).")
+        float,
+        typer.Option(
+            "--timeout",
+            parser=options.positive_number,
+            help="Longest wait for one run, or one further study (s).",
+        ),
     ] = 600.0,
     quiet: options.Quiet = False,
     json: options.Json = False,
@@ -40,8 +45,6 @@ def paper_command(
     from .report import document
     from .study import study
 
-    if not timeout > 0:
-        raise InputError(f"timeout = {timeout!r} s must be positive.")
     engine_list = options.chosen_names(engines, "--engines")
     section_list = options.chosen_names(sections, "--sections")
     refuse_unwritable(out)

@@ -18,7 +18,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
 from trebucheck.comparisons.campaigns import run as campaign_run
-from trebucheck.comparisons.campaigns.agreement import ALL, LEVELS, axes_of, layers
+from trebucheck.comparisons.campaigns.agreement import ALL, LEVELS, layers
 from trebucheck.comparisons.campaigns.campaign import campaign, open_campaign
 from trebucheck.comparisons.campaigns.changes import difference
 from trebucheck.comparisons.campaigns.design import Design
@@ -368,10 +368,10 @@ def test_levels_are_powers_of_ten_of_the_tolerance(pendulums: CampaignStore) -> 
 
 
 def test_axes_are_the_parameters_that_vary(pendulums: CampaignStore) -> None:
-    assert axes_of(pendulums) == ("length", "amplitude")
-    assert axes_of(pendulums, x="amplitude") == ("amplitude", "length")
+    assert pendulums.campaign.axes() == ("length", "amplitude")
+    assert pendulums.campaign.axes(x="amplitude") == ("amplitude", "length")
     with pytest.raises(tb.InputError, match="'width' is no parameter"):
-        axes_of(pendulums, y="width")
+        pendulums.campaign.axes(y="width")
 
 
 def test_the_ranking_finds_the_parameter_that_matters(pendulums: CampaignStore) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import json
 import os
@@ -14,7 +15,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.__main__ import main
-from trebucheck.comparisons.runs.results import Results
+from trebucheck.comparisons.runs.results import COMPARED, Outcome, Results
 from trebucheck.models.errors import SimulationError
 
 # Not imported here: with it comes importlib_metadata, which takes the place of Python's own for all
@@ -83,6 +84,16 @@ def test_an_error_that_cannot_be_sent_is_its_text(client: Any) -> None:
         tb.cluster(client).worker(60.0, fresh=True).call(_fail, tb.engine("reference"), None)
 
 
+def test_an_adapter_that_is_not_there_is_an_engine_that_is_not(
+    client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "adapter_only_here.py").write_text("class Engine:\n    name = 'only here'\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    engine = importlib.import_module("adapter_only_here").Engine()
+    with pytest.raises(tb.EngineNotInstalledError, match="'adapter_only_here'"):
+        tb.cluster(client).worker(60.0).call(_fail, engine, None)
+
+
 def test_a_crash_costs_its_call_and_no_worker(client: Any) -> None:
     worker = tb.cluster(client).worker(60.0)
     workers = set(client.scheduler_info()["workers"])
@@ -116,11 +127,16 @@ def test_other_versions_there_are_named_with_their_host(client: Any) -> None:
         ("tcp://127.0.0.1:9", "no scheduler answers there"),
         ("nowhere", "no scheduler answers there"),
         ("absent.json", "there is no such scheduler file"),
+        ("broken.json", "cannot be read"),
+        ("other.json", "no field 'address'"),
     ],
 )
 def test_a_cluster_that_is_not_there_is_a_sentence(
-    given: str, told: str, monkeypatch: pytest.MonkeyPatch
+    given: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("broken.json").write_text('{"address": ')
+    Path("other.json").write_text("[1]")
     monkeypatch.setattr("trebucheck.comparisons.runs.cluster._CONNECT", 0.5)
     with pytest.raises(tb.InputError, match=told):
         tb.compare("pendulum", "mujoco", cluster=given)
@@ -166,6 +182,32 @@ def test_a_campaign_has_the_same_rows_there(running: Any, tmp_path: Path) -> Non
     rows = [tb.campaign(given, tmp_path / k, **v).to_pandas(kept) for k, v in how.items()]
     assert rows[0].equals(rows[1]) and len(rows[0]) == 6
     assert tb.open_campaign(tmp_path / "there").file.shared
+
+
+def test_a_worker_without_an_engine_makes_refused_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import distributed
+
+    (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['pymunk'] = None\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0"
+    ) as cluster:
+        engines: Any = ["pymunk", "mujoco"]
+        how: dict[str, Any] = {"cluster": cluster.scheduler_address}
+        found = tb.compare("pendulum", engines, presets="default", until=0.1, **how).results
+        outcomes = {run.engine: run.outcome for run in found.runs if run.engine in engines}
+        assert outcomes["pymunk"] is Outcome.ABSENT and outcomes["mujoco"] in COMPARED
+        pytest.importorskip("pyarrow", reason="pyarrow is an extra: trebucheck[campaign]")
+        machines = {"model": "pendulum", "values": {"length": [0.5, 1.0]}}
+        runs = {"engines": engines, "presets": ["default"], "until": 0.1}
+        given = {"name": "absent", "machines": machines, "runs": runs}
+        rows = tb.campaign(given, tmp_path / "store", **how).to_pandas()
+        absent = rows[rows["engine"] == "pymunk"]
+        assert list(absent["outcome"]) == ["not installed"] * 2
+        assert absent["message"].str.contains("pymunk").all()
+        assert rows[rows["engine"] == "mujoco"]["share"].notna().all()
 
 
 def _without_times(fields: dict[str, Any]) -> dict[str, Any]:

@@ -21,7 +21,6 @@ from ...campaigns.agreement import (
     LEVELS,
     NOT_JUDGED,
     Layer,
-    axes_of,
     layers,
 )
 from ...campaigns.changes import CampaignDifference
@@ -61,14 +60,14 @@ def document(store: CampaignStore, along: str | None = None, up: str | None = No
 
     Args:
         store: of the campaign, which may still be growing.
-        along: parameter along the map, as :func:`.axes_of` takes it.
+        along: parameter along the map, as :meth:`.Campaign.axes` takes it.
         up: parameter up the map; of a campaign of one parameter that is the error in parts of its
             tolerance, or the launch's speed.
 
     Raises:
-        InputError: there is no such parameter.
+        InputError: as there.
     """
-    x, y = axes_of(store, along, up)
+    x, y = store.campaign.axes(along, up)
     if store.campaign.runs is None:
         return _of_launches(store, x, y)
     found = list(layers(store))
