@@ -10,11 +10,15 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
+from threading import Lock
 from typing import Any, NoReturn, Self, cast
+from uuid import uuid4
 
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, get_worker
 
@@ -41,6 +45,8 @@ class Cluster:
     is_of_study: bool = False
     """Whether it was joined for one study, and is left with its worker."""
     versions: Versions = field(default_factory=versions_here)
+    token: str = field(default_factory=lambda: uuid4().hex)
+    """What its calls are told by on the workers."""
 
     @classmethod
     def of(cls, given: Given) -> Self:
@@ -101,8 +107,15 @@ class Cluster:
         """
         return ClusterWorker(timeout, jobs=self.jobs, fresh=fresh, cluster=self)
 
+    def end_calls(self, futures: Collection[Any] = ()) -> None:
+        """Give up calls, and end the processes that make this client's calls."""
+        with suppress(CancelledError, OSError, TimeoutError):  # the scheduler may be gone
+            self.client.cancel(list(futures), force=True)
+            self.client.run(_end_calls, self.token, on_error="ignore")
+
     def close(self) -> None:
-        """Leave the cluster, where it was joined here; it goes on itself."""
+        """Leave the cluster, which goes on itself; a client that was made here is closed."""
+        self.end_calls()
         if self.is_own:
             self.client.close()
 
@@ -148,16 +161,17 @@ class ClusterWorker(Worker):
     """Makes calls on a cluster; a :class:`.process.Worker` there makes each in a process."""
 
     cluster: Cluster | None = None
+    _waited_for: set[Any] = field(default_factory=set[Any], init=False)
 
     def _isolated(self, function: Callable[..., Any], runner: Any, given: Any) -> Any:
         assert self.cluster is not None
         call = call_as_bytes(function, runner, given)
         announced = os.environ.get(ANNOUNCED, "")
         client, here = self.cluster.client, self.cluster.versions
+        key, future = (self.cluster.token, self.timeout, self.fresh), None
         try:
-            future = client.submit(
-                _call_there, call, self.timeout, self.fresh, announced, here, pure=False
-            )
+            future = client.submit(_call_there, call, key, announced, here, pure=False)
+            self._waited_for.add(future)
             answer = future.result()
         except KilledWorker:
             message = f"{runner.name} was not run: the workers that began with it were lost."
@@ -167,18 +181,30 @@ class ClusterWorker(Worker):
                 f"the cluster {self.cluster.address} is lost ({error}); what was finished is kept, "
                 "and --resume goes on from there."
             ) from None
+        finally:
+            self._waited_for.discard(future)
         return result_of(answer)
 
     def close(self) -> None:
-        """Leave the cluster, if it was joined for this worker's study."""
+        """Give up calls that are not finished; leave the cluster, if it was joined for this study.
+        """
         super().close()
-        if self.cluster is not None and self.cluster.is_of_study:
+        if self.cluster is None:
+            return
+        if self._waited_for:
+            self.cluster.end_calls(self._waited_for)
+        if self.cluster.is_of_study:
             self.cluster.close()
 
 
-_BESIDE: dict[tuple[float, bool], Worker] = {}
-"""Processes beside this one of a Dask worker, by the limit of time and whether each call is fresh.
-"""
+_Key = tuple[str, float, bool]
+"""Token of a client's cluster, limit of time of a call [s], and whether each call is fresh."""
+_BESIDE: dict[_Key, Worker] = {}
+"""Processes beside this one of a Dask worker."""
+_LAST_CALL: dict[_Key, float] = {}
+"""When they were last called, by the monotonic clock [s]."""
+_CHOOSING = Lock()  # a Dask worker has several threads
+_IDLE = 600.0  # [s] without a call, beyond its limit of time, after which a client must be gone
 
 
 class _EndProcesses(WorkerPlugin):
@@ -186,17 +212,39 @@ class _EndProcesses(WorkerPlugin):
 
     def teardown(self, worker: object) -> None:
         """End the processes of a worker that is about to end."""
-        while _BESIDE:
-            _BESIDE.popitem()[1].close()
+        for key in list(_BESIDE):
+            _end(key)
 
 
-def _worker_there(timeout: float, fresh: bool, jobs: int) -> Worker:
+def _end_calls(token: str) -> None:
+    """End the processes that make the calls of one client."""
+    for key in [key for key in list(_BESIDE) if key[0] == token]:
+        _end(key)
+
+
+def _end(key: _Key) -> None:
+    with _CHOOSING:
+        _LAST_CALL.pop(key, None)
+        worker = _BESIDE.pop(key, None)
+    if worker is not None:
+        worker.close()
+
+
+def _worker_there(key: _Key, jobs: int) -> Worker:
     """Processes beside this one of a Dask worker."""
     # Dask makes its workers daemons, which may have no processes by Python's rule; these end with
     # their parent.
     process = cast("Any", multiprocessing.current_process())
     process._config["daemon"] = False
-    return _BESIDE.setdefault((timeout, fresh), Worker(timeout, jobs=jobs, fresh=fresh))
+    _, timeout, fresh = key
+    now = time.monotonic()
+    with _CHOOSING:
+        _LAST_CALL[key] = now
+        worker = _BESIDE.setdefault(key, Worker(timeout, jobs=jobs, fresh=fresh))
+        idle = [each for each, last in _LAST_CALL.items() if now - last > each[1] + _IDLE]
+    for other in idle:
+        _end(other)
+    return worker
 
 
 @cache
@@ -205,13 +253,13 @@ def _versions_there() -> Versions:
     return versions_here()
 
 
-def _call_there(call: bytes, timeout: float, fresh: bool, announced: str, here: Versions) -> bytes:
+def _call_there(call: bytes, key: _Key, announced: str, here: Versions) -> bytes:
     """Make a call in a process beside a Dask worker; its pickled result and error."""
     os.environ[ANNOUNCED] = announced
     difference = here.difference(_versions_there())  # of workers that joined later
     if difference is not None:
         return answer_to(call, partial(_refuse, difference))
-    return answer_to(call, _worker_there(timeout, fresh, get_worker().state.nthreads).call)
+    return answer_to(call, _worker_there(key, get_worker().state.nthreads).call)
 
 
 def _refuse(difference: str, *_: object) -> NoReturn:

@@ -7,7 +7,9 @@ import importlib.util
 import json
 import os
 import signal
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -101,6 +103,30 @@ def test_a_crash_costs_its_call_and_no_worker(client: Any) -> None:
         worker.call(_end_this_process, tb.engine("reference"), None)
     assert worker.compute(float) == 0.0
     assert set(client.scheduler_info()["workers"]) == workers
+
+
+def _sleep_there(_: object, told: Path) -> None:
+    told.write_text(str(os.getpid()))
+    time.sleep(1e4)
+
+
+def test_calls_that_are_given_up_end_there(client: Any, tmp_path: Path) -> None:
+    """As after Ctrl-C: other calls on the same workers go on."""
+    worker, other = tb.cluster(client).worker(600.0), tb.cluster(client).worker(60.0)
+    assert other.compute(float) == 0.0
+    told = tmp_path / "pid"
+    with ThreadPoolExecutor(1) as threads:
+        call = threads.submit(worker.call, _sleep_there, tb.engine("reference"), told)
+        while not told.exists() or not told.read_text():
+            time.sleep(0.05)
+        worker.close()
+        with pytest.raises(tb.TrebucheckError):
+            call.result(20.0)
+    pid, end = int(told.read_text()), time.monotonic() + 10.0
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{pid}").exists()
+    assert other.compute(float) == 0.0
 
 
 def test_other_versions_there_are_named_with_their_host(client: Any) -> None:
