@@ -20,11 +20,15 @@ import pickle
 import signal
 import socket
 import sys
+import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent import futures
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from enum import Enum
+from functools import cache
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
@@ -60,6 +64,8 @@ sys.warnoptions.append("ignore:resource_tracker")
 _START = 120.0  # [s] longest wait for a process to start
 # [s] beyond which a limit of time is none: systems take a wait as milliseconds in 32 bits
 _LONGEST_WAIT = 2e6
+_LOOK = 0.5  # [s] between looks at the memory that a call takes
+_SHARE_OF_MEMORY = 0.75  # that one call may take
 
 
 def simulate(runner: Engine, problem: Problem) -> Trajectory:
@@ -97,6 +103,34 @@ class TimeLimitError(ProcessError):
     def __init__(self, message: str, limit: float = math.nan) -> None:
         super().__init__(message)
         self.limit = limit  # [s]
+
+
+class MemoryLimitError(ProcessError):
+    """A call that took more memory than one may, and was stopped."""
+
+
+@cache
+def memory_limit() -> float:
+    """Memory that one call may take [bytes]: three quarters of what this machine or container has.
+
+    Infinite where the system does not tell what a process takes, as it does on Linux. Several calls
+    at once may take more than there is together; the system ends the largest then.
+    """
+    if sys.platform != "linux":
+        return math.inf
+    limits = [float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))]
+    with suppress(OSError, ValueError):  # "max": none
+        limits.append(float(Path("/sys/fs/cgroup/memory.max").read_text()))
+    return _SHARE_OF_MEMORY * min(limits)
+
+
+def _memory_of(process: int | None) -> int:
+    """Memory of a process [bytes]; 0 of one that has ended, or where the system does not tell."""
+    try:
+        pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+    except (OSError, ValueError, IndexError):
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
 
 
 @contextmanager
@@ -144,6 +178,20 @@ class _Process(ProcessPoolExecutor):
         """
         self._starter.submit(_submitted, self, _import_this_module).result().result(_START)
 
+    def result(self, future: Future[_Result], timeout: float, memory: float) -> _Result:
+        """Wait for a call's result, and look at the memory that it takes meanwhile.
+
+        Raises:
+            TimeoutError: it did not come within so many seconds.
+            _TooLargeError: the process takes more than so many bytes.
+        """
+        end = time.monotonic() + timeout
+        while not future.done() and (left := end - time.monotonic()) > 0:
+            futures.wait([future], min(left, _LOOK))
+            if any(_memory_of(process) > memory for process in list(self._processes or ())):
+                raise _TooLargeError
+        return future.result(0)
+
     def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
         """End the process."""
         super().shutdown(wait=wait, kill_workers=kill_workers)
@@ -161,6 +209,7 @@ class Worker:
     isolate: bool = True  # False: simulate in this process, without a limit of time
     jobs: int = 1  # processes: calls from as many threads are served at once
     fresh: bool = False  # whether each call has a process that nothing was run in before
+    memory: float = field(default_factory=memory_limit)  # [bytes] that a call may take
     _started: list[Any] = field(default_factory=list[Any], init=False)
     # One entry a process that serves no call; None for one that is not started
     _idle: SimpleQueue[Any] = field(default_factory=SimpleQueue[Any], init=False)
@@ -216,7 +265,8 @@ class Worker:
                 self._make_first_call(pool)
             if self.fresh and FORKS:
                 return self._forked(pool, function, runner, given)
-            return _submitted(pool, function, runner, given).result(self.timeout)
+            call = _submitted(pool, function, runner, given)
+            return pool.result(call, self.timeout, self.memory)
         except BrokenProcessPool:
             pool = self._end(pool)
             message = f"{runner.name} crashed: its process ended by itself."
@@ -224,6 +274,9 @@ class Worker:
         except TimeoutError:
             pool = self._end(pool)
             raise self._too_long(runner) from None
+        except _TooLargeError:
+            pool = self._end(pool)
+            raise self._too_large(runner) from None
         finally:
             if self.fresh and not FORKS and pool in self._started:
                 self._end(pool)
@@ -235,13 +288,15 @@ class Worker:
         self, pool: Any, function: Callable[..., _Result], runner: _Named, given: object
     ) -> _Result:
         call = call_as_bytes(function, runner, given)
-        future = _submitted(pool, _call_forked, call, self.timeout, self._imports)
+        future = _submitted(pool, _call_forked, call, self.timeout, self.memory, self._imports)
         answer, ended, safe = future.result(self.timeout + _START)
         if not safe:
             self._imports = False
             self._end(pool)
-        if ended is None:
+        if ended is _Stopped.TIME:
             raise self._too_long(runner)
+        if ended is _Stopped.MEMORY:
+            raise self._too_large(runner)
         if answer is None:
             how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
             raise ProcessError(f"{runner.name} crashed: its process ended by itself{how}.")
@@ -264,6 +319,10 @@ class Worker:
     def _too_long(self, runner: _Named) -> TimeLimitError:
         message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
         return TimeLimitError(message, self.timeout)
+
+    def _too_large(self, runner: _Named) -> MemoryLimitError:
+        message = f"{runner.name} took more than {self.memory / 1e9:.3g} GB of memory"
+        return MemoryLimitError(f"{message} and was stopped.")
 
     def _end(self, pool: Any) -> None:
         self._started.remove(pool)
@@ -325,7 +384,14 @@ def _begin_process(parent: int) -> None:
     and warns. The modules of engines and a reference are as large, and they are to stay.
     """
     end_with_parent(parent)
+    _be_first_to_go()
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # pyright: ignore[reportPrivateUsage]
+
+
+def _be_first_to_go() -> None:
+    """Make the system end this process before others when memory runs out (on Linux)."""
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
 
 
 def end_with_parent(parent: int) -> None:
@@ -348,20 +414,31 @@ _FIRST_TO_GO = "1000"  # when memory runs out, the system ends a call before any
 _PR_SET_PDEATHSIG = 1
 
 
+class _Stopped(Enum):
+    """Why a call was stopped."""
+
+    TIME = "time"
+    MEMORY = "memory"
+
+
+class _TooLargeError(Exception):
+    """A process takes more memory than it may."""
+
+
 def _call_forked(
-    call: bytes, timeout: float, imports: bool
-) -> tuple[bytes | None, int | None, bool]:
+    call: bytes, timeout: float, memory: float, imports: bool
+) -> tuple[bytes | None, int | _Stopped, bool]:
     """Make a call in a fork of this process.
 
     Args:
         call: pickled function and arguments.
         timeout: longest wait [s].
+        memory: that it may take [bytes].
         imports: whether to import here afterwards what the call has imported.
 
     Returns:
         The pickled result and error, or None from a process that ended by itself; its exit code, or
-        minus the signal that ended it, or None if it did not come to an end: it is ended then, with
-        all that it has started; and whether this process can be forked again: not if those imports
+        minus the signal that ended it, or why it was ended, with all that it has started; and whether this process can be forked again: not if those imports
         have started threads.
     """
     ours, theirs = Pipe(duplex=False)
@@ -373,7 +450,7 @@ def _call_forked(
     theirs.close()
     ended = os.pidfd_open(pid)
     try:
-        ready = wait([ours, ended], timeout)
+        ready, stopped = _wait_for(pid, [ours, ended], timeout, memory)
         answer, modules = None, tuple[str, ...]()
         if ours in ready:
             with suppress(EOFError):  # it ended in the middle of it
@@ -384,7 +461,21 @@ def _call_forked(
         os.close(ended)
         ours.close()
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-    return answer, code if ready else None, not imports or _import(modules)
+    return answer, stopped or code, not imports or _import(modules)
+
+
+def _wait_for(
+    pid: int, ends: Sequence[Connection | int], timeout: float, memory: float
+) -> tuple[list[Any], _Stopped | None]:
+    """What of a process's ends is ready, and else why it is to be stopped."""
+    end = time.monotonic() + timeout
+    while (left := end - time.monotonic()) > 0:
+        ready = wait(ends, min(left, _LOOK))
+        if ready:
+            return ready, None
+        if _memory_of(pid) > memory:
+            return [], _Stopped.MEMORY
+    return [], _Stopped.TIME
 
 
 def _import(modules: tuple[str, ...]) -> bool:
@@ -401,8 +492,6 @@ def _make(call: bytes, pipe: Connection, parent: int) -> None:
     try:
         os.setpgid(0, 0)
         end_with_parent(parent)
-        with suppress(OSError):
-            Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
         before = set(sys.modules)
         answer = answer_to(call)
         sys.stdout.flush()

@@ -192,6 +192,26 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_is_served(worker: Worker) -
     assert worker.call(_state, _Engine(), None) and worker._started == [pool]
 
 
+def _grow(*_: object) -> None:
+    kept: list[object] = []
+    while True:
+        kept.append(np.ones(1_000_000))
+        time.sleep(0.01)
+
+
+@linux
+@pytest.mark.parametrize("fresh", [False, True])
+def test_a_call_that_takes_too_much_memory_is_ended_and_the_next_one_is_served(
+    fresh: bool,
+) -> None:
+    with Worker(60.0, fresh=fresh) as worker:
+        assert worker.memory == process.memory_limit() < math.inf
+        worker.memory = 1e9
+        with pytest.raises(process.MemoryLimitError, match=r"it took more than 1 GB of memory"):
+            worker.call(_grow, _Engine(), None)
+        assert worker.call(_state, _Engine(), None)
+
+
 @linux
 def test_a_process_in_which_imports_start_threads_forks_no_more(
     monkeypatch: pytest.MonkeyPatch,
