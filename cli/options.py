@@ -299,7 +299,7 @@ def assignments(texts: list[str] | None, option: str) -> dict[str, str]:
     values: dict[str, str] = {}
     for text in texts or []:
         name, separator, value = text.partition("=")
-        if not separator or not name.strip() or not value.strip():
+        if not separator or not all(map(str.strip, (*name.split("."), value))):
             raise InputError(f"{option} {text!r} must have the form NAME=VALUE.")
         if name.strip() in values:
             raise InputError(f"{option} names {name.strip()!r} twice.")

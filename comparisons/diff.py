@@ -431,6 +431,12 @@ _EPS = float(np.finfo(np.float64).eps)
 _SAME_END = 1e-6  # relative difference of the ends of two motions up to which they are the same
 
 
+def refuse_no_factor(factor: float) -> None:
+    """Raise InputError for a factor by which no error can move."""
+    if not (math.isfinite(factor) and factor > 1):
+        raise InputError(f"factor = {factor!r} must be a finite number above 1.")
+
+
 def diff(
     old: Results | Comparison | str | Path,
     new: Results | Comparison | str | Path,
@@ -450,8 +456,7 @@ def diff(
     Raises:
         InputError: a file is no comparison's of the current format, or the factor is not above 1.
     """
-    if not (math.isfinite(factor) and factor > 1):
-        raise InputError(f"factor = {factor!r} must be a finite number above 1.")
+    refuse_no_factor(factor)
     before, after = _Side(old), _Side(new)
     references: list[ReferenceChange] = []
     conditions: list[str] = []

@@ -313,10 +313,16 @@ _WITHOUT_PARAMETERS = frozenset({"models list", "models schema"})
 # Values that are right for one command
 _RIGHT: Mapping[tuple[str, str], Values] = {
     ("recommend", "neighbours"): ("0",),
-    ("throw", "timeout"): ("0",),
+    ("", "timeout"): ("1e400", "9" * 400),  # none
     ("campaign machine", "number"): ("0",),
     ("campaign shrink", "number"): ("0",),
-    ("compare", "models"): ("pendulum,pendulum",),
+    ("", "models"): ("pendulum,pendulum",),
+    ("", "model"): ("pendulum,pendulum",),
+    ("diff", "out"): ("a-file",),
+    ("matrix", "out"): ("a-file",),
+    ("data", "out"): ("a-file",),
+    ("campaign diff", "out"): ("a-file",),
+    ("animate", "out"): ("a-file",),
 }
 
 
@@ -409,7 +415,7 @@ def _of_parameter(
     # The paper's studies take minutes: none is begun
     odd = bad[:2] == NUMBERS[:2] and chosen.random() < 0.2 and command != "paper"
     value = chosen.choice(ODD_NUMBERS if odd else bad)
-    right = value in _RIGHT.get((command, parameter), ())
+    right = value in (*_RIGHT.get((command, parameter), ()), *_RIGHT.get(("", parameter), ()))
     # An option of files and names is taken where it is one
     return Case(
         command, parameter, value, _words(command, {parameter: value}, declared), {}, (), odd or right

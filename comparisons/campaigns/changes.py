@@ -16,7 +16,7 @@ import pandas as pd
 
 from ...models.errors import InputError
 from ...models.shown import Reported
-from ..diff import FACTOR, RANKS
+from ..diff import FACTOR, RANKS, refuse_no_factor
 from ..runs.quantities import MetricKind
 from ..runs.results import Outcome
 from .store import CampaignStore
@@ -93,8 +93,7 @@ def difference(
     for store in (old, new):
         if store.campaign.runs is None:
             raise InputError(f"{store.folder} holds launches, not runs of engines.")
-    if not factor > 1:
-        raise InputError(f"factor = {factor!r} must be greater than 1.")
+    refuse_no_factor(factor)
     kept = {kind.title: kind for kind in kept_quantities(old.campaign)}
     others = {kind.title for kind in kept_quantities(new.campaign)}
     quantities = tuple(kind for title, kind in kept.items() if title in others)

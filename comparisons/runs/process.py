@@ -325,7 +325,10 @@ class Worker:
         return MemoryLimitError(f"{message} and was stopped.")
 
     def _end(self, pool: Any) -> None:
-        self._started.remove(pool)
+        try:
+            self._started.remove(pool)
+        except ValueError:  # the thread that closes this, or that of the call, was first
+            return
         # Its daemon thread frees the semaphores, and is waited for: an interpreter that ends before
         # may stop it between taking a finalizer and calling it, and the resource tracker would
         # report leaked semaphores.

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from threading import Thread
+from threading import TIMEOUT_MAX, Thread
 from typing import Any, Self
 
 from trebucheck.api.mechanics import InputError, SimulationError, shortened
@@ -111,7 +111,7 @@ class ImporterProcess:
 
     def _answer(self, timeout: float) -> Mapping[str, Any]:
         try:
-            line = self._lines.get(timeout=timeout)
+            line = self._lines.get(timeout=min(timeout, TIMEOUT_MAX))
         except Empty:
             self._end()
             raise SimulationError(f"no answer within {timeout:g} s.") from None

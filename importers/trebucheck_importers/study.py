@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import JsonValue
-from trebucheck.api.mechanics import Spec
+from trebucheck.api.mechanics import InputError, Spec
 from trebucheck.api.studies import Progress, Store, conditions, digest
 
 from . import files
@@ -47,9 +48,11 @@ def check_importer(
             of the importer's own package is not seen.
 
     Raises:
-        InputError: the loader cannot be imported, the Python cannot be run, or there is no such
-            model.
+        InputError: the loader cannot be imported, the Python cannot be run, there is no such model,
+            or the step is none.
     """
+    if not (math.isfinite(timestep) and timestep > 0):
+        raise InputError(f"timestep = {timestep!r} s must be a finite number greater than zero.")
     chosen = [files.expected(name) for name in models or files.names()]
     kept: list[_Kept] = []
     with ImporterProcess(loader, python, timeout) as process:

@@ -192,6 +192,17 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_is_served(worker: Worker) -
     assert worker.call(_state, _Engine(), None) and worker._started == [pool]
 
 
+@linux
+def test_a_process_that_is_ended_from_two_sides_is_ended_once() -> None:
+    """The call's thread, which has seen its process end, and the one that closes the worker."""
+    worker = Worker(60.0)
+    assert worker.compute(float) == 0.0
+    (pool,) = worker._started
+    worker.close()
+    worker._end(pool)
+    assert not worker._started
+
+
 def _grow(*_: object) -> None:
     kept: list[object] = []
     while True:

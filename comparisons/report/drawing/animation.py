@@ -235,8 +235,10 @@ def _wrapped(text: str, letters: int) -> list[str]:
 
 
 def packed(values: FloatArray, kind: str = "<f4") -> str:
-    """An array in base64."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode()
+    """An array in base64; what is beyond the kind's range is infinite, and not drawn."""
+    with np.errstate(over="ignore"):
+        array = np.ascontiguousarray(values, dtype=kind)
+    return base64.b64encode(array.tobytes()).decode()
 
 
 def _short(number: float) -> float:
