@@ -175,7 +175,10 @@ def cluster(place: Path, given: dict[str, str]) -> Iterator[list[subprocess.Pope
 
 
 def descendants(pid: int) -> list[int]:
-    """Processes that a process has started, and that those have, by /proc."""
+    """Processes that a process has started, and that those have, by /proc.
+
+    Without loky's resource trackers, which print tracebacks of their own where one was killed.
+    """
     parents: dict[int, int] = {}
     for path in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError, ValueError):
@@ -184,7 +187,14 @@ def descendants(pid: int) -> list[int]:
     while again:
         again = {child for child, parent in parents.items() if parent in again} - found
         found |= again
-    return sorted(found)
+    return sorted(pid for pid in found if not _is_tracker(pid))
+
+
+def _is_tracker(pid: int) -> bool:
+    try:
+        return b"resource_tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
 
 
 def in_session(session: int) -> list[int]:
