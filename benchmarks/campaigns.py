@@ -2,7 +2,7 @@
 
 Parts: `launches` (machines thrown into a store, from 1e3 to 1e5, with the memory that it takes),
 `chunks` (runs of an engine by chunks of 1 to 64 machines, beside the bare loop), `lanes` (two
-processes against one), `scheduler` (empty tasks on a Dask cluster, 1e3 and 1e4 of them). All
+processes against one), `loopback` (the same on Dask workers), `scheduler` (empty tasks on a Dask cluster, 1e3 and 1e4 of them). All
 where none is named. No test reads this; the figures of `docs/scale.md` are its output.
 """
 
@@ -34,12 +34,12 @@ def _runs(number: int, chunk: int) -> Campaign:
     return _described(number, chunk, runs={"engines": ["mujoco"], "presets": ["settings"]})
 
 
-def _into_a_store(described: Campaign, jobs: int) -> tuple[float, int]:
+def _into_a_store(described: Campaign, jobs: int | None, cluster: Any = None) -> tuple[float, int]:
     """Wall time of a campaign [s], and bytes of its rows."""
     folder = Path(tempfile.mkdtemp())
     try:
         began = time.perf_counter()
-        tb.campaign(described, folder, jobs=jobs)
+        tb.campaign(described, folder, jobs=jobs, cluster=cluster)
         took = time.perf_counter() - began
         size = sum(path.stat().st_size for path in folder.rglob("*.parquet"))
     finally:
@@ -94,6 +94,25 @@ def lanes() -> None:
     )
 
 
+def loopback() -> None:
+    """Run the same campaign on one Dask worker, on two, and on one process without Dask."""
+    from distributed import LocalCluster
+
+    described, times = _runs(96, 8), list[float]()
+    for workers in (1, 2):
+        with LocalCluster(workers, threads_per_worker=1, dashboard_address=":0") as cluster:
+            address = cluster.scheduler_address
+            start = _into_a_store(_runs(2, 1), None, address)[0]
+            times.append(_into_a_store(described, None, address)[0] - start)
+    start = _into_a_store(_runs(2, 1), 1)[0]
+    here = _into_a_store(described, 1)[0] - start
+    print(
+        f"96 machines without the start: {times[0]:.1f} s on one Dask worker, {times[1]:.1f} s on "
+        f"two, {times[0] / times[1]:.2f} times as quick; {here:.1f} s on one process here: "
+        f"overhead of Dask {times[0] / here - 1:.1%}"
+    )
+
+
 def _nothing(_: int) -> bytes:
     return b"x" * 20_000  # as many bytes as a chunk's rows
 
@@ -121,6 +140,7 @@ _PARTS: dict[str, Callable[[], None]] = {
     "launches": launches,
     "chunks": chunks,
     "lanes": lanes,
+    "loopback": loopback,
     "scheduler": scheduler,
 }
 
