@@ -8,6 +8,7 @@ public interface is used, so that any cluster will do: `LocalCluster`, Slurm, Ku
 from __future__ import annotations
 
 import json
+import logging
 import multiprocessing
 import os
 import time
@@ -109,7 +110,9 @@ class Cluster:
 
     def end_calls(self, futures: Collection[Any] = ()) -> None:
         """Give up calls, and end the processes that make this client's calls."""
-        with suppress(CancelledError, OSError, TimeoutError):  # the scheduler may be gone
+        if self.client.status != "running":  # the scheduler is gone
+            return
+        with suppress(CancelledError, OSError, TimeoutError):  # it may go meanwhile
             self.client.cancel(list(futures), force=True)
             self.client.run(_end_calls, self.token, on_error="ignore")
 
@@ -134,12 +137,15 @@ def _connected(given: object) -> Client:
         _refuse_no_scheduler_file(Path(text))
     where: dict[str, Any] = {"scheduler_file": text} if is_file else {"address": text}
     try:
-        return Client(**where, timeout=_CONNECT, set_as_default=False)
+        client = Client(**where, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(
             f"cluster {text!r}: no scheduler answers there ({error}); an address such as "
             "tcp://host:8786 or a scheduler file is needed."
         ) from None
+    # A scheduler that is lost is a sentence of ours; distributed logs tracebacks beside it.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    return client
 
 
 def _refuse_no_scheduler_file(path: Path) -> None:
