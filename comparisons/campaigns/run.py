@@ -90,7 +90,7 @@ def _longest(described: Campaign) -> float:
     if runs is None:
         return float("inf")
     parts = len(runs.engines) * len(runs.presets) * max(len(runs.timesteps), 1) + 1
-    return 60.0 + 4 * parts * described.chunk_size * runs.timeout
+    return 60.0 + 4 * parts * described.chunk_size(Design(described).size) * runs.timeout
 
 
 def unordered(

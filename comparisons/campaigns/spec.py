@@ -21,8 +21,9 @@ from ...models.spec import Name, Positive, Real, Spec, SpecError
 from ..runs.quantities import judged_quantity
 from .random_mechanisms import Family
 
-MACHINES_AT_ONCE, LAUNCHES_AT_ONCE = 16, 8192
-"""Machines of a chunk by default: that engines are run on, and that the reference launches."""
+_FEWEST_RUN, _MOST_RUN = 1, 16  # machines of a chunk by default that engines are run on
+_FEWEST_LAUNCHED, _MOST_LAUNCHED = 256, 8192  # that the reference launches
+_CHUNKS = 16  # of a small campaign by default: several processes have work to its end
 _LONGEST_SEQUENCE = 2**30  # points of Sobol's sequence in 30 bits, as SciPy makes it
 _LARGEST_FILE = 10_000_000  # [B]
 
@@ -182,7 +183,8 @@ class Campaign(Spec):
     runs: Runs | None = None
     launches: Launches | None = None
     chunk: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """Machines of a chunk, which is written whole or not at all."""
+    """Machines of a chunk, which is written whole or not at all; by default 1 to 16 that engines are
+    run on, 256 to 8192 that are launched, more of more machines."""
 
     @model_validator(mode="after")
     def _asks_something(self) -> Self:
@@ -192,12 +194,15 @@ class Campaign(Spec):
             raise ValueError("launches need a model: random mechanisms of a family are not alike")
         return self
 
-    @property
-    def chunk_size(self) -> int:
-        """Machines of a chunk."""
+    def chunk_size(self, machines: int) -> int:
+        """Machines of a chunk of a campaign of so many."""
         if self.chunk is not None:
             return self.chunk
-        return MACHINES_AT_ONCE if self.launches is None else LAUNCHES_AT_ONCE
+        if self.launches is None:
+            fewest, most = _FEWEST_RUN, _MOST_RUN
+        else:
+            fewest, most = _FEWEST_LAUNCHED, _MOST_LAUNCHED
+        return min(max(-(-machines // _CHUNKS), fewest), most)
 
     def axes(self, x: str | None = None, y: str | None = None) -> tuple[str, str | None]:
         """Choose the columns over which a map is drawn: by default the first two that vary.

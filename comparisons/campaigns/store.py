@@ -157,11 +157,16 @@ class CampaignStore(Reported):
     @property
     def chunks(self) -> int:
         """Number of chunks of the whole campaign."""
-        return -(-self.file.machines // self.campaign.chunk_size)
+        return -(-self.file.machines // self.chunk_size)
+
+    @cached_property
+    def chunk_size(self) -> int:
+        """Machines of a chunk."""
+        return self.campaign.chunk_size(self.file.machines)
 
     def machines(self, chunk: int) -> range:
         """Numbers of the machines of a chunk."""
-        size = self.campaign.chunk_size
+        size = self.chunk_size
         return range(chunk * size, min((chunk + 1) * size, self.file.machines))
 
     @property

@@ -367,6 +367,15 @@ def test_levels_are_powers_of_ten_of_the_tolerance(pendulums: CampaignStore) -> 
     assert levels.tolist() == [0, 1, 2, 3, len(LEVELS) - 1, len(LEVELS) - 1, -1, -2]
 
 
+def test_small_campaigns_have_chunks_for_several_processes_and_large_ones_large_chunks() -> None:
+    runs, launches = _with(chunk=None), _with(chunk=None, runs=None, launches={})
+    sizes = [1, 16, 17, 300, 1_000_000]
+    assert [*map(Campaign.of(runs).chunk_size, sizes)] == [1, 1, 2, 16, 16]
+    assert [*map(Campaign.of(launches).chunk_size, sizes)] == [256, 256, 256, 256, 8192]
+    assert Campaign.of(launches).chunk_size(16_000) == 1000
+    assert Campaign.of(_with(chunk=3)).chunk_size(1_000_000) == 3
+
+
 def test_axes_are_the_parameters_that_vary(pendulums: CampaignStore) -> None:
     assert pendulums.campaign.axes() == ("length", "amplitude")
     assert pendulums.campaign.axes(x="amplitude") == ("amplitude", "length")
@@ -441,7 +450,7 @@ def test_the_commands_do_what_they_say(
         (["show", "store", "--x", "width"], "'width' is no parameter"),
         (["machine", "store", "2"], "machine 2: the numbers of 'lengths' are 0 to 1"),
         (["shrink", "store", "0", "--engine", "pymunk"], "--engine 'pymunk' is none"),
-        (["diff", "store", "store", "--factor", "1"], "factor = 1.0 must be greater"),
+        (["diff", "store", "store", "--factor", "1"], "factor = 1.0 must be"),
         (["run", "none.toml"], "none.toml cannot be read"),
     ):
         assert main(["campaign", *words]) == 2
