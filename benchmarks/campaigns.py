@@ -2,8 +2,9 @@
 
 Parts: `launches` (machines thrown into a store, from 1e3 to 1e5, with the memory that it takes),
 `chunks` (runs of an engine by chunks of 1 to 64 machines, beside the bare loop), `lanes` (two
-processes against one), `loopback` (the same on Dask workers), `scheduler` (empty tasks on a Dask cluster, 1e3 and 1e4 of them). All
-where none is named. No test reads this; the figures of `docs/scale.md` are its output.
+processes against one), `loopback` (the same on Dask workers), `scheduler` (empty tasks on a Dask
+cluster, 1e3 and 1e4 of them). All where none is named. No test reads this; the figures of
+`docs/scale.md` are its output.
 """
 
 from __future__ import annotations
@@ -99,6 +100,7 @@ def loopback() -> None:
     from distributed import LocalCluster
 
     described, times = _runs(96, 8), list[float]()
+    cluster: Any  # whose constructor is a coroutine to type checkers
     for workers in (1, 2):
         with LocalCluster(workers, threads_per_worker=1, dashboard_address=":0") as cluster:
             address = cluster.scheduler_address

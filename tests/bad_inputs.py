@@ -139,7 +139,8 @@ CLUSTERS: Values = (
     "a-folder",
     "",
 )
-FILES: Values = ("absent.json", "a-folder", "empty.json", "broken.json", "bytes.json", "", "/proc/x")
+BROKEN: Values = ("empty.json", "broken.json", "bytes.json")
+FILES: Values = (*BROKEN, "absent.json", "a-folder", "", "/proc/x")
 EMPTY: Values = ("", " ")
 
 _MACHINE: Values = (*WORDS, *FILES, "null.json", "list.json", "deep.json", "pendulum,pendulum")
@@ -208,10 +209,11 @@ _BY_NAME: Mapping[str, Values] = {
 }
 
 # Parameters that switch something, or that no value of which is wrong
-_NO_VALUES = frozenset(
-    "sweep diagnose resume quiet json best sensitivities reference check keyframes sensors "
-    "finite_inertia scene".split()
-)
+_SWITCHES = """
+sweep diagnose resume quiet json best sensitivities reference check keyframes sensors
+finite_inertia scene
+"""
+_NO_VALUES = frozenset(_SWITCHES.split())
 
 # A call of each command that takes little time, with the option of the one that is made bad left
 # out
@@ -417,14 +419,11 @@ def _of_parameter(
     value = chosen.choice(ODD_NUMBERS if odd else bad)
     right = value in (*_RIGHT.get((command, parameter), ()), *_RIGHT.get(("", parameter), ()))
     # An option of files and names is taken where it is one
-    return Case(
-        command, parameter, value, _words(command, {parameter: value}, declared), {}, (), odd or right
-    )
+    words = _words(command, {parameter: value}, declared)
+    return Case(command, parameter, value, words, may_be_right=odd or right)
 
 
-def _words(
-    command: str, given: Mapping[str, str], declared: Mapping[str, Any]
-) -> tuple[str, ...]:
+def _words(command: str, given: Mapping[str, str], declared: Mapping[str, Any]) -> tuple[str, ...]:
     flags, cheap = _CALLS[command]
     values = {**cheap, **given}
     for name in given:
@@ -599,9 +598,12 @@ def _cell(rows: list[list[str]], chosen: random.Random) -> tuple[str, bool]:
     return value or "changed.csv", True
 
 
+_HEADERS = ("", "t [s]", "q phi [rad]", "t", "q phi [s]", "x", "\u03c6", LONG, "1")
+
+
 def _header(rows: list[list[str]], chosen: random.Random) -> tuple[str, bool]:
     column = chosen.randrange(2)
-    rows[0][column] = value = chosen.choice(("", "t [s]", "q phi [rad]", "t", "q phi [s]", "x", "\u03c6", LONG, "1"))
+    rows[0][column] = value = chosen.choice(_HEADERS)
     return value or "changed.csv", True
 
 
@@ -633,8 +635,8 @@ def write_files(folder: Path) -> None:
         (folder / name).write_bytes(data)
     with (folder / "motion.csv").open("w", newline="") as file:
         csv.writer(file).writerows(motion_csv())
-    words = "--no-diagnose --quiet --model pendulum --engine mujoco --until 0.05".split()
-    assert main(["compare", *words, "--out", str(folder / "report")]) in (0, 1)
+    words = _words("compare", {"out": str(folder / "report")}, parameters())
+    assert main([*words]) in (0, 1)
     (folder / "results.json").write_bytes((folder / "report" / "results.json").read_bytes())
     tb.campaign(json.loads(json.dumps(_CAMPAIGN)), folder / "store", jobs=1)
 

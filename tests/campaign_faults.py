@@ -154,9 +154,8 @@ def cluster(place: Path, given: dict[str, str]) -> Iterator[list[subprocess.Pope
         "start_new_session": True,
     }
     dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    running = [
-        subprocess.Popen([*dask, "--port", "0", "--no-dashboard", "--scheduler-file", file], **quiet)
-    ]
+    alone = ["--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+    running = [subprocess.Popen([*dask, *alone], **quiet)]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file)]
     try:
         while not file.is_file() or not file.read_text().strip():

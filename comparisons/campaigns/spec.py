@@ -183,8 +183,10 @@ class Campaign(Spec):
     runs: Runs | None = None
     launches: Launches | None = None
     chunk: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
-    """Machines of a chunk, which is written whole or not at all; by default 1 to 16 that engines are
-    run on, 256 to 8192 that are launched, more of more machines."""
+    """Machines of a chunk, which is written whole or not at all.
+
+    By default 1 to 16 that engines are run on, or 256 to 8192 that are launched; more of more.
+    """
 
     @model_validator(mode="after")
     def _asks_something(self) -> Self:

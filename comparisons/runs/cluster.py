@@ -157,9 +157,7 @@ def _refuse_no_scheduler_file(path: Path) -> None:
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"cluster {str(path)!r} cannot be read: {error}.") from None
     if not isinstance(fields, dict) or "address" not in fields:
-        raise InputError(
-            f"cluster {str(path)!r} is no scheduler file: it has no field 'address'."
-        )
+        raise InputError(f"cluster {str(path)!r} is no scheduler file: it has no field 'address'.")
 
 
 @dataclass
@@ -192,8 +190,7 @@ class ClusterWorker(Worker):
         return result_of(answer)
 
     def close(self) -> None:
-        """Give up calls that are not finished; leave the cluster, if it was joined for this study.
-        """
+        """Give up calls that are not finished; leave a cluster that was joined for this study."""
         super().close()
         if self.cluster is None:
             return

@@ -441,8 +441,8 @@ def _call_forked(
 
     Returns:
         The pickled result and error, or None from a process that ended by itself; its exit code, or
-        minus the signal that ended it, or why it was ended, with all that it has started; and whether this process can be forked again: not if those imports
-        have started threads.
+        minus the signal that ended it, or why it was ended, with all that it has started; and
+        whether this process can be forked again: not if those imports have started threads.
     """
     ours, theirs = Pipe(duplex=False)
     sys.stdout.flush()
@@ -526,8 +526,8 @@ def _call_from(call: bytes) -> tuple[Callable[..., object], tuple[object, ...]]:
     try:
         return pickle.loads(call)
     except ModuleNotFoundError as error:
-        here = socket.gethostname()
-        raise EngineNotInstalledError(f"the adapter cannot be imported on {here}: {error}.") from None
+        text = f"the adapter cannot be imported on {socket.gethostname()}: {error}."
+        raise EngineNotInstalledError(text) from None
 
 
 def answer_to(call: bytes, make: Callable[..., object] | None = None) -> bytes:

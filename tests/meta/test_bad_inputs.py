@@ -10,7 +10,9 @@ import shlex
 import signal
 import sys
 import time
+import traceback
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import bad_inputs
@@ -18,7 +20,7 @@ import pytest
 from bad_inputs import Case
 from trebucheck.__main__ import main
 
-_NUMBER = int(os.environ.get("BAD_INPUTS", "120"))
+_NUMBER = int(os.environ.get("BAD_INPUTS", "30"))
 _SEED = int(os.environ.get("BAD_INPUTS_SEED", "27"))
 _LIMIT = 120.0  # [s] for a call, whose runs have 20 s
 
@@ -62,8 +64,6 @@ def _called(case: Case, folder: Path, place: Path) -> tuple[int | None, str, str
             )
             code = main(list(case.words))
         except BaseException:
-            import traceback
-
             traceback.print_exc()
         finally:
             sys.stdout.flush()
@@ -74,11 +74,8 @@ def _called(case: Case, folder: Path, place: Path) -> tuple[int | None, str, str
     while not done and time.monotonic() < end:
         done, status = os.waitpid(pid, os.WNOHANG)
         time.sleep(0.02)
-    for number in (pid,):
-        try:
-            os.killpg(number, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
+    with suppress(ProcessLookupError):
+        os.killpg(pid, signal.SIGKILL)
     if not done:
         os.waitpid(pid, 0)
     texts = [(place / f".{name}").read_text(errors="replace") for name in ("printed", "said")]

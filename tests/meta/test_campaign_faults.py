@@ -21,7 +21,7 @@ import campaign_faults
 import pytest
 from campaign_faults import Client, Fault, rows
 
-_NUMBER = int(os.environ.get("CAMPAIGN_FAULTS", "2"))
+_NUMBER = int(os.environ.get("CAMPAIGN_FAULTS", "1"))
 _SEED = int(os.environ.get("CAMPAIGN_FAULTS_SEED", "1"))
 _END = 120.0  # [s] longest wait for a command to end
 _LEFT = 5.0  # [s] after which no process of a killed command may be there
@@ -79,7 +79,9 @@ def _strike(
         dask[1 + fault.chosen % 2].kill()
 
 
-def _faults_of(fault: Fault, whole: list[dict[str, Any]], took: float, place: Path) -> Iterator[str]:
+def _faults_of(
+    fault: Fault, whole: list[dict[str, Any]], took: float, place: Path
+) -> Iterator[str]:
     """What is wrong with a campaign that a fault has met."""
     place.mkdir()
     (place / "faults.toml").write_text(campaign_faults.DESCRIBED)
