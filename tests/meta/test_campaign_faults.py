@@ -97,7 +97,7 @@ def _faults_of(
         store = place / "disk" / "store"
         running = client.start("run", "faults.toml", "--out", str(store), *where)
         time.sleep(fault.when * took)
-        if fault.kind in ("crash", "hang", "raise"):
+        if fault.kind in ("crash", "hang"):
             mark.write_text(fault.kind)
         else:
             _strike(fault, running, dask, store)
