@@ -185,7 +185,8 @@ class Campaign(Spec):
     chunk: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
     """Machines of a chunk, which is written whole or not at all.
 
-    By default 1 to 16 that engines are run on, or 256 to 8192 that are launched; more of more.
+    By default a sixteenth of all, but at most 16 that engines are run on, and 256 to 8192 that are
+    launched.
     """
 
     @model_validator(mode="after")

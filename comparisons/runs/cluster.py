@@ -47,7 +47,7 @@ class Cluster:
     """Whether it was joined for one study, and is left with its worker."""
     versions: Versions = field(default_factory=versions_here)
     token: str = field(default_factory=lambda: uuid4().hex)
-    """What its calls are told by on the workers."""
+    """Name by which workers tell its calls from those of other clients."""
 
     @classmethod
     def of(cls, given: Given) -> Self:

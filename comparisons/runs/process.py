@@ -113,8 +113,8 @@ class MemoryLimitError(ProcessError):
 def memory_limit() -> float:
     """Memory that one call may take [bytes]: three quarters of what this machine or container has.
 
-    Infinite where the system does not tell what a process takes, as it does on Linux. Several calls
-    at once may take more than there is together; the system ends the largest then.
+    Infinite on systems other than Linux, where processes are not looked at. Several calls together
+    may take more than there is; the system ends the largest then.
     """
     if sys.platform != "linux":
         return math.inf
@@ -125,7 +125,7 @@ def memory_limit() -> float:
 
 
 def _memory_of(process: int | None) -> int:
-    """Memory of a process [bytes]; 0 of one that has ended, or where the system does not tell."""
+    """Memory of a process [bytes]; 0 of one that has ended, and on systems other than Linux."""
     try:
         pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     except (OSError, ValueError, IndexError):
