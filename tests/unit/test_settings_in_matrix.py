@@ -33,24 +33,17 @@ _BOUNDED = ("way", "turn", "speed", "angular_speed")
 _LOST_BY_BOTH = "both have lost the motion, which passes close to the upright position"
 
 EXCEPTIONS: dict[tuple[str, str, str], str] = {
-    ("newton", "pendulum", "timed out"): "a limit of 25 s a run, on a busy machine",
-    ("newton", "high-pendulum", "timed out"): "the same",
     ("newton", "hanging-chain", "angular_speed_max"): "not known: at rest it drifts in either",
     ("mjx", "rolling", "release_time"): "not known: limits are soft in either, and both open a few "
     "thousandths of the characteristic time off",
+    ("mjx", "quick-return", "joint_reaction_max"): "not known: the slot's force jumps from step to "
+    "step by up to 2.1 of its range, while the motion is a thousand times nearer than the "
+    "default's; MuJoCo's with the same options by 0.09",
     ("pymunk", "quick-return", "joint_reaction_max"): "a GrooveJoint on a turning arm changes the "
     "crank's speed in the first step from 12 to 17.1 rad/s at 20 ms, 17.2 at 4 ms, 16.6 at 0.1 ms: "
     "an impulse of 1.5, 0.99, 0.82 N s, whose force grows as one over the step",
     ("pymunk", "quick-return", "base_error"): "the same jump: both part in their first step, which "
     "in settings is 60 times shorter, where errors have not grown",
-    **{
-        ("dart", "bead", metric): "kept before steps of settings were bounded by the default's: "
-        "1.6 ms instead of 1 ms, and errors of order 1"
-        for metric in (
-            *("position_max", "velocity_max", "angle_max", "slide_max", "angular_speed_max"),
-            *("slide_speed_max", "joint_reaction_max", "kinetic_energy_max", "energy_balance"),
-        )
-    },
     **{
         ("opensim", "n-four-bar", metric): "at 0.43 ms it leaves the branch at the third singular "
         "passage, at accuracies of 1e-11, 1e-5 and 1e-3 alike; its own steps pass over it"
