@@ -51,13 +51,13 @@ def _into_a_store(described: Campaign, jobs: int | None, cluster: Any = None) ->
 def launches() -> None:
     """Throw machines into a store on two processes."""
     print("launches on 2 processes: machines, seconds, launches a second, bytes a row, memory [MB]")
-    sizes, times, chunk = (10_000, 30_000, 100_000), list[float](), 2048
-    _into_a_store(_described(2_000, chunk, launches={}), 2)  # files are in the system's memory then
-    start, _ = _into_a_store(_described(2 * chunk, chunk, launches={}), 2)
-    print(f"{2 * chunk} machines, which is mostly starting, importing and compiling: {start:.2f} s")
+    sizes, times, few = (10_000, 30_000, 100_000), list[float](), 512  # of a chunk for each
+    _into_a_store(_described(few, None, launches={}), 2)  # files are in the system's memory then
+    start, _ = _into_a_store(_described(few, None, launches={}), 2)
+    print(f"{few} machines, which is mostly starting, importing and compiling: {start:.2f} s")
     for number in sizes:
-        took, size = _into_a_store(_described(number, chunk, launches={}), 2)
-        times.append((took - start) / (number - 2 * chunk))
+        took, size = _into_a_store(_described(number, None, launches={}), 2)
+        times.append((took - start) / (number - few))
         largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
         print(
             f"{number:8d} {took:8.2f} {number / took:8.0f} ({1 / times[-1]:.0f} without the start) "
