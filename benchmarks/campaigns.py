@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import trebucheck as tb
+from trebucheck.comparisons.campaigns.design import Design
 from trebucheck.comparisons.campaigns.run import make_rows
 from trebucheck.comparisons.campaigns.spec import Campaign
 
@@ -70,9 +71,9 @@ def launches() -> None:
 def chunks() -> None:
     """Run an engine chunk by chunk on one process, beside the bare loop of the same runs."""
     number = 32
-    make_rows(_runs(2, 2), range(2))  # imports, and starts the engine's process
+    make_rows(_runs(2, 2), Design(_runs(2, 2)).part(0, 2))  # imports, and starts the engine
     began = time.perf_counter()
-    make_rows(_runs(number, number), range(number))
+    make_rows(_runs(number, number), Design(_runs(number, number)).part(0, number))
     bare = time.perf_counter() - began
     print(f"bare loop of {number} machines: {bare / number:.4f} s each")
     print("machines a chunk, seconds each, overhead, bytes a row")

@@ -37,7 +37,7 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 63950,
+    "lines": 64000,
     "modules": 248,
     "modules with one importer": 55,  # point_masses, which plug-ins import as well
     "public class names used twice": 1,

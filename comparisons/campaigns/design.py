@@ -7,19 +7,47 @@ they are asked for, so that a campaign can be cut into chunks and taken up again
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-import pandas as pd
-from scipy.stats import qmc
 
-from ...models.arrays import BoolArray, FloatArray
+from ...models.arrays import BoolArray, FloatArray, IndexArray
 from ...models.errors import InputError
 from .spec import Campaign, Interval, Machines
 
 _BLOCK = 4096
 """Points that are made together; a power of two, as Sobol's sequence asks for."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some machines of a design, and their values."""
+
+    numbers: IndexArray
+    """(n,)"""
+    values: Mapping[str, FloatArray]
+    """Values of each parameter, (n,)."""
+
+    def __len__(self) -> int:
+        """Number of machines."""
+        return len(self.numbers)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Number and values of each machine."""
+        columns = {name: column.tolist() for name, column in self.values.items()}
+        return [
+            {"machine": int(number)} | {name: column[k] for name, column in columns.items()}
+            for k, number in enumerate(self.numbers)
+        ]
+
+    def each(self) -> Iterator[Part]:
+        """Part of each machine alone."""
+        for k in range(len(self)):
+            at = slice(k, k + 1)
+            yield Part(self.numbers[at], {name: c[at] for name, c in self.values.items()})
 
 
 class Design:
@@ -58,6 +86,16 @@ class Design:
             else:
                 sizes.append(len(value) if isinstance(value, tuple) else 1)
         return tuple(sizes)
+
+    def part(self, first: int, last: int) -> Part:
+        """Machines first, ..., last - 1, without those that `where` leaves out.
+
+        Raises:
+            InputError: as :meth:`columns`.
+        """
+        columns, kept = self.columns(first, last)
+        numbers = np.arange(first, first + len(kept))[kept]
+        return Part(numbers, {name: column[kept] for name, column in columns.items()})
 
     def columns(self, first: int, last: int) -> tuple[Mapping[str, FloatArray], BoolArray]:
         """Values of machines first, ..., last - 1, and whether `where` keeps each.
@@ -103,8 +141,13 @@ class Design:
             parts.append(self._block(block)[low:high])
         return np.concatenate(parts)
 
+    # scipy.stats takes three quarters of a second to import, of which the processes that are sent
+    # their machines have no need.
+
     @cached_property
     def _hypercube(self) -> FloatArray:
+        from scipy.stats import qmc
+
         return qmc.LatinHypercube(len(self.names), rng=self._seed).random(self.size)
 
     def _block(self, block: int) -> FloatArray:
@@ -116,6 +159,8 @@ class Design:
     def _new_block(self, block: int) -> FloatArray:
         if self._machines.design == "random":
             return np.random.default_rng([self._seed, block]).random((_BLOCK, len(self.names)))
+        from scipy.stats import qmc
+
         sequence = qmc.Sobol(len(self.names), rng=self._seed)
         if block:
             sequence.fast_forward(block * _BLOCK)
@@ -139,6 +184,8 @@ def _holds(condition: str, columns: Mapping[str, FloatArray]) -> BoolArray:
     Raises:
         InputError: it cannot be read, names what is no value, or is neither true nor false.
     """
+    import pandas as pd
+
     table = pd.DataFrame(dict(columns))
     try:
         holds = np.asarray(table.eval(condition, engine="python"))

@@ -23,12 +23,12 @@ from ...models.mechanism import Mechanism
 from ...models.problem import Problem, mechanism_of
 from ...models.spec import SpecError
 from ...models.stacked import stack_of
-from ...reference.taylor.expressions import heyoka
+from ...reference.taylor.expressions import refuse_absence
 from ...reference.taylor.numbers import PROJECTILE
 from ..compare import FinishedRun, MachineRuns, RunKey
 from ..runs.process import Worker
 from ..runs.study import Study
-from .design import Design
+from .design import Design, Part
 from .random_mechanisms import random_mechanism
 from .spec import Campaign, Runs
 from .store import CampaignStore
@@ -55,12 +55,8 @@ def machine(store: CampaignStore, number: int) -> Mechanism | Problem:
             f"{store.file.machines - 1}."
         )
     columns, _ = Design(store.campaign).columns(number, number + 1)
-    return machine_of(store.campaign, row_of(number, columns, 0))
-
-
-def row_of(number: int, columns: Mapping[str, Any], at: int) -> dict[str, Any]:
-    """Number and values of a machine, from columns of many."""
-    return {"machine": number} | {name: float(column[at]) for name, column in columns.items()}
+    (row,) = Part(np.array([number]), columns).rows()
+    return machine_of(store.campaign, row)
 
 
 def machine_of(described: Campaign, row: Mapping[str, Any]) -> Mechanism | Problem:
@@ -108,7 +104,7 @@ def refuse_impossible(described: Campaign) -> None:
     if described.runs is not None:
         study_of(described.runs, given)
         return
-    heyoka()  # which says what brings it, where it is missing
+    refuse_absence()
     if given.marker(PROJECTILE) is None:
         raise InputError(
             f"model {given.name!r} has no marker {PROJECTILE!r} that could be launched."

@@ -38,14 +38,13 @@ from ..runs.process import ProcessError, Worker
 from ..runs.runner import failure
 from ..runs.store import conditions
 from ..runs.study import Progress, Study
-from .design import Design
+from .design import Design, Part
 from .machines import (
     EngineCase,
     MovedMachine,
     machine_of,
     parameters,
     refuse_impossible,
-    row_of,
 )
 from .spec import Campaign, Launches, Runs
 from .store import CampaignStore, as_parquet, from_parquet
@@ -132,14 +131,14 @@ class Chunk:
 def _make(store: CampaignStore, worker: Worker, chunk: int) -> int:
     """Make the rows of a chunk that are missing, and write them; its number."""
     kept = store.read(chunk)
-    made = _made(store.campaign, worker, store.machines(chunk), kept, chunk)
+    made = _made(store.campaign, worker, store.part(chunk), kept, chunk)
     for name, motion in made.motions.items():
         save(motion, store.folder / "trajectories" / name)
     store.write(chunk, made.content)
     return chunk
 
 
-def _made(described: Campaign, worker: Worker, machines: range, kept: Any, chunk: int) -> Chunk:
+def _made(described: Campaign, worker: Worker, machines: Part, kept: Any, chunk: int) -> Chunk:
     """Make a chunk in a process, once more where that ends, and then machine by machine."""
     make = partial(make_rows, described, machines, kept)
     try:
@@ -151,10 +150,10 @@ def _made(described: Campaign, worker: Worker, machines: range, kept: Any, chunk
     except ProcessError as error:
         reason = error
     if len(machines) == 1:
-        return Chunk(as_parquet(_failed_rows(described, machines[0], reason)))
+        return Chunk(as_parquet(_failed_rows(described, machines, reason)))
     parts = [
-        _made(described, worker, range(number, number + 1), _of_machine(kept, number), chunk)
-        for number in machines
+        _made(described, worker, one, _of_machine(kept, int(one.numbers[0])), chunk)
+        for one in machines.each()
     ]
     table = pa.concat_tables([from_parquet(part.content) for part in parts])
     motions = {name: motion for part in parts for name, motion in part.motions.items()}
@@ -166,12 +165,11 @@ def _of_machine(kept: Any, number: int) -> Any:
     return None if kept is None else kept.filter(pc.field("machine") == number)
 
 
-def _failed_rows(described: Campaign, number: int, reason: ProcessError) -> Any:
+def _failed_rows(described: Campaign, machine: Part, reason: ProcessError) -> Any:
     """Rows of a machine whose process ended again and again."""
-    columns, _ = Design(described).columns(number, number + 1)
     if described.runs is None:
-        return launch_table(described, [number], columns, [], {0: str(reason)})
-    row = row_of(number, columns, 0)
+        return launch_table(described, machine, [], {0: str(reason)})
+    (row,) = machine.rows()
     cases = _cases(described.runs)
     return _table(described, [_failed(described, row, case, reason) for case in cases])
 
@@ -179,24 +177,20 @@ def _failed_rows(described: Campaign, number: int, reason: ProcessError) -> Any:
 # --- In a process
 
 
-def make_rows(described: Campaign, machines: range, kept: Any = None) -> Chunk:
+def make_rows(described: Campaign, machines: Part, kept: Any = None) -> Chunk:
     """Make the rows of some machines.
 
     Args:
         described: the campaign.
-        machines: their numbers.
+        machines: their numbers and values.
         kept: rows that are there already, of which those are made again whose process failed; None:
             there are none.
     """
-    columns, chosen = Design(described).columns(machines.start, machines.stop)
-    numbers = [number for number, is_chosen in zip(machines, chosen, strict=True) if is_chosen]
     if described.runs is None:
-        values = {name: column[chosen] for name, column in columns.items()}
-        return Chunk(as_parquet(_launched(described, numbers, values)))
+        return Chunk(as_parquet(_launched(described, machines)))
     rows, motions = list[dict[str, Any]](), dict[str, Trajectory]()
-    for number in numbers:
-        before = [] if kept is None else _of_machine(kept, number).to_pylist()
-        values = row_of(number, columns, number - machines.start)
+    for values in machines.rows():
+        before = [] if kept is None else _of_machine(kept, values["machine"]).to_pylist()
         for row, motion in _runs(described, described.runs, values, before):
             rows.append(row)
             if motion is not None:
@@ -204,16 +198,16 @@ def make_rows(described: Campaign, machines: range, kept: Any = None) -> Chunk:
     return Chunk(as_parquet(_table(described, rows)), motions)
 
 
-def _launched(described: Campaign, numbers: list[int], values: Mapping[str, FloatArray]) -> Any:
+def _launched(described: Campaign, machines: Part) -> Any:
     """Table of launches of machines; those that cannot be built have a message."""
     asked, given = described.launches, described.machines.model
     assert asked is not None
     assert given is not None
     messages: dict[int, str] = {}
     parts: list[ThrownPart] = []
-    if numbers:
-        parts += _thrown(given, asked, values, np.arange(len(numbers)), messages)
-    return launch_table(described, numbers, values, parts, messages)
+    if len(machines):
+        parts += _thrown(given, asked, machines.values, np.arange(len(machines)), messages)
+    return launch_table(described, machines, parts, messages)
 
 
 def _thrown(

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pyarrow as pa
-import pyarrow.dataset as ds
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ...models.errors import InputError, UnwritableError
@@ -27,7 +27,7 @@ from ...models.files import write_bytes, write_text
 from ...models.shown import Reported
 from ..runs.results import ResultFile
 from ..runs.versions import Versions, versions_here
-from .design import Design
+from .design import Design, Part
 from .spec import Campaign
 from .table import columns_of, schema_of
 
@@ -169,6 +169,15 @@ class CampaignStore(Reported):
         size = self.chunk_size
         return range(chunk * size, min((chunk + 1) * size, self.file.machines))
 
+    @cached_property
+    def _design(self) -> Design:
+        return Design(self.campaign)
+
+    def part(self, chunk: int) -> Part:
+        """Machines of a chunk without those that conditions leave out, and their values."""
+        machines = self.machines(chunk)
+        return self._design.part(machines.start, machines.stop)
+
     @property
     def row_folder(self) -> Path:
         """Folder of the chunks' files."""
@@ -235,6 +244,8 @@ class CampaignStore(Reported):
 
     def dataset(self) -> Any:
         """Find all rows that are there: a `pyarrow.dataset.Dataset`, read as asked for."""
+        import pyarrow.dataset as ds  # with pandas; processes that make rows need neither
+
         files = list(map(str, self.files))
         return ds.dataset(files, schema=self.schema, format="parquet")
 
@@ -246,9 +257,9 @@ class CampaignStore(Reported):
     def has_result(self) -> bool:
         """Tell whether a run was judged, or a machine launched."""
         if self.campaign.runs is None:
-            found = self.dataset().filter(ds.field("launched"))
+            found = self.dataset().filter(pc.field("launched"))
         else:
-            found = self.dataset().filter(ds.field("share").is_valid())
+            found = self.dataset().filter(pc.field("share").is_valid())
         return bool(found.count_rows() > 0)
 
     def __len__(self) -> int:

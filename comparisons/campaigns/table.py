@@ -23,6 +23,7 @@ from ...reference.taylor.batch import BatchLaunches
 from ...version import __version__
 from ..runs.quantities import JUDGED, MetricKind, judged_quantity
 from ..runs.results import Machine, Metric, Run
+from .design import Part
 from .spec import Campaign
 
 _TEXT, _REAL, _WHOLE, _TRUTH = pa.string(), pa.float64(), pa.int64(), pa.bool_()
@@ -235,8 +236,7 @@ ThrownPart = tuple[IndexArray, BatchLaunches]
 
 def launch_table(
     campaign: Campaign,
-    machines: Sequence[int],
-    values: Mapping[str, FloatArray],
+    machines: Part,
     thrown: Iterable[ThrownPart],
     messages: Mapping[int, str],
 ) -> Any:
@@ -244,8 +244,7 @@ def launch_table(
 
     Args:
         campaign: that asks for them.
-        machines: their numbers in the design, (n,).
-        values: parameters of all of them, each (n,).
+        machines: their numbers in the design, n of them, and their values.
         thrown: launches of those that could be built, in parts.
         messages: why machines could not be built or launched, by their place.
     """
@@ -258,9 +257,9 @@ def launch_table(
         return full
 
     found: dict[str, Any] = {
-        "machine": np.asarray(machines, dtype=np.int64),
-        "mechanism": _hashes(campaign, values),
-        **values,
+        "machine": np.asarray(machines.numbers, dtype=np.int64),
+        "mechanism": _hashes(campaign, machines.values),
+        **machines.values,
         "launch_time": spread(lambda launch: launch.time),
         "launch_speed": spread(lambda launch: launch.speed),
         "launch_vx": spread(lambda launch: launch.velocity[:, 0]),

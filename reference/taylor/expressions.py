@@ -45,15 +45,24 @@ They grow with the cube of the length of a chain (20 rods have 2550), while an e
 is one call of LAPACK."""
 
 
+_ABSENT = (
+    "the Taylor integrator needs heyoka, which is not installed here; on Linux `pip install "
+    "heyoka` brings it."
+)
+
+
+def refuse_absence() -> None:
+    """Raise EngineNotInstalledError if heyoka is not installed, without importing it."""
+    if importlib.util.find_spec("heyoka") is None:
+        raise EngineNotInstalledError(_ABSENT)
+
+
 def heyoka() -> Any:
     """The library, imported when first asked for: it takes a quarter of a second."""
     try:
         return importlib.import_module("heyoka")
     except ImportError:
-        raise EngineNotInstalledError(
-            "the Taylor integrator needs heyoka, which is not installed here; on Linux `pip "
-            "install heyoka` brings it."
-        ) from None
+        raise EngineNotInstalledError(_ABSENT) from None
 
 
 def why_not_taylor(problem: Problem) -> str | None:
