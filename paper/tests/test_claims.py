@@ -424,8 +424,8 @@ def test_a_job_that_dies_costs_only_itself() -> None:
         (["--engines", "mujoko"], "did you mean 'mujoco'"),
         (["--engines", ","], "--engines is empty"),
         (["--sections", "colours"], "no section 'colours'"),
-        (["--timeout", "0"], "timeout = 0.0"),
-        (["--timeout", "nan"], "timeout = nan"),
+        (["--timeout", "0"], "'--timeout': 0.0"),
+        (["--timeout", "nan"], "'--timeout': nan"),
         (["--out", "file/paper"], "is not a folder"),
     ],
 )

@@ -539,7 +539,7 @@ def test_the_command_line_writes_the_certificate(
         (["reference", "--problem", "pendulun"], "did you mean 'pendulum'?"),
         (["reference", "--problem", "catapult, pendulun"], "did you mean 'pendulum'?"),
         (["reference", "--problem", "catapult,"], "there is no model ''"),
-        (["reference", "--timeout", "0"], "timeout = 0.0 s must be positive"),
+        (["reference", "--timeout", "0"], "'--timeout': 0.0 must be positive"),
         (["reference", "--deviations", "none.toml"], "none.toml cannot be read"),
     ],
 )

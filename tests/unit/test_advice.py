@@ -80,7 +80,7 @@ def test_torque_is_read_as_newton_metres_or_as_a_share() -> None:
         (["--position", "1", "--model", "floating"], "no model 'floating'"),
         (["--position", "1", "--model", "fixed,rolling"], "names 2 machines"),
         (["--position", "1", "--neighbours", "-1"], "neighbours = -1 must be between"),
-        (["--position", "1", "--timeout", "0"], "timeout = 0.0 s must be positive"),
+        (["--position", "1", "--timeout", "0"], "'--timeout': 0.0 must be positive"),
         (["--position", "1", "--set", "l1=0"], "l1 = 0.0"),
         (["--position", "1e-14"], "finer than 10 times the reference's own uncertainty"),
     ],

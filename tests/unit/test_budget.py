@@ -606,7 +606,7 @@ def test_explain_json_keeps_to_its_published_schema(explanation: Explanation) ->
     [
         (["--engines", "mujco"], "did you mean 'mujoco'?"),
         (["--preset", "best"], "no preset 'best'"),
-        (["--timeout", "0"], "timeout = 0.0 s must be positive"),
+        (["--timeout", "0"], "'--timeout': 0.0 must be positive"),
         (["--timestep", "-1"], "timestep = -1.0"),
         (["--models", "sliding"], "sliding"),
         (["--set", "l1"], "NAME=VALUE"),

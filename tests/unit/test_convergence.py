@@ -449,8 +449,8 @@ def test_the_data_keep_to_the_published_schema(studies: Studies) -> None:
             ["--engines", "pymunk", "--option", "mujoco.solref=1,1"],
             "'mujoco' is not among the engines asked for",
         ),
-        (["--timeout", "0"], "timeout = 0.0 s must be positive"),
-        (["--timeout", "nan"], "timeout = nan s must be positive"),
+        (["--timeout", "0"], "'--timeout': 0.0 must be positive"),
+        (["--timeout", "nan"], "'--timeout': nan must be positive"),
     ],
 )
 def test_wrong_input_gets_a_sentence(

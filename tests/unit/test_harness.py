@@ -553,7 +553,7 @@ def test_a_file_that_is_no_trajectory_is_said(tmp_path: Path) -> None:
         ({"models": []}, "no model was named"),
         ({"engines": ["mujoko"]}, "did you mean 'mujoco'"),
         ({"timeout": 0.0}, "timeout = 0.0 s must be positive"),
-        ({"jobs": 0}, "jobs = 0 must be at least 1"),
+        ({"jobs": 0}, "jobs = 0 must be between 1 and"),
         ({"jobs": 2, "isolate": False}, "jobs = 2 needs isolated runs"),
         ({"timeout": float("nan")}, "timeout = nan s must be positive"),
     ],
