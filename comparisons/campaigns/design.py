@@ -23,7 +23,7 @@ _BLOCK = 4096
 
 
 @dataclass(frozen=True)
-class Part:
+class DesignPart:
     """Some machines of a design, and their values."""
 
     numbers: IndexArray
@@ -43,11 +43,11 @@ class Part:
             for k, number in enumerate(self.numbers)
         ]
 
-    def each(self) -> Iterator[Part]:
-        """Part of each machine alone."""
+    def each(self) -> Iterator[DesignPart]:
+        """Each machine alone."""
         for k in range(len(self)):
             at = slice(k, k + 1)
-            yield Part(self.numbers[at], {name: c[at] for name, c in self.values.items()})
+            yield DesignPart(self.numbers[at], {name: c[at] for name, c in self.values.items()})
 
 
 class Design:
@@ -87,7 +87,7 @@ class Design:
                 sizes.append(len(value) if isinstance(value, tuple) else 1)
         return tuple(sizes)
 
-    def part(self, first: int, last: int) -> Part:
+    def part(self, first: int, last: int) -> DesignPart:
         """Machines first, ..., last - 1, without those that `where` leaves out.
 
         Raises:
@@ -95,7 +95,7 @@ class Design:
         """
         columns, kept = self.columns(first, last)
         numbers = np.arange(first, first + len(kept))[kept]
-        return Part(numbers, {name: column[kept] for name, column in columns.items()})
+        return DesignPart(numbers, {name: column[kept] for name, column in columns.items()})
 
     def columns(self, first: int, last: int) -> tuple[Mapping[str, FloatArray], BoolArray]:
         """Values of machines first, ..., last - 1, and whether `where` keeps each.

@@ -28,7 +28,7 @@ from ...reference.taylor.numbers import PROJECTILE
 from ..compare import FinishedRun, MachineRuns, RunKey
 from ..runs.process import Worker
 from ..runs.study import Study
-from .design import Design, Part
+from .design import Design, DesignPart
 from .random_mechanisms import random_mechanism
 from .spec import Campaign, Runs
 from .store import CampaignStore
@@ -55,7 +55,7 @@ def machine(store: CampaignStore, number: int) -> Mechanism | Problem:
             f"{store.file.machines - 1}."
         )
     columns, _ = Design(store.campaign).columns(number, number + 1)
-    (row,) = Part(np.array([number]), columns).rows()
+    (row,) = DesignPart(np.array([number]), columns).rows()
     return machine_of(store.campaign, row)
 
 

@@ -38,7 +38,7 @@ from ..runs.process import ProcessError, Worker
 from ..runs.runner import failure
 from ..runs.store import conditions
 from ..runs.study import Progress, Study
-from .design import Design, Part
+from .design import Design, DesignPart
 from .machines import (
     EngineCase,
     MovedMachine,
@@ -138,7 +138,9 @@ def _make(store: CampaignStore, worker: Worker, chunk: int) -> int:
     return chunk
 
 
-def _made(described: Campaign, worker: Worker, machines: Part, kept: Any, chunk: int) -> Chunk:
+def _made(
+    described: Campaign, worker: Worker, machines: DesignPart, kept: Any, chunk: int
+) -> Chunk:
     """Make a chunk in a process, once more where that ends, and then machine by machine."""
     make = partial(make_rows, described, machines, kept)
     try:
@@ -165,7 +167,7 @@ def _of_machine(kept: Any, number: int) -> Any:
     return None if kept is None else kept.filter(pc.field("machine") == number)
 
 
-def _failed_rows(described: Campaign, machine: Part, reason: ProcessError) -> Any:
+def _failed_rows(described: Campaign, machine: DesignPart, reason: ProcessError) -> Any:
     """Rows of a machine whose process ended again and again."""
     if described.runs is None:
         return launch_table(described, machine, [], {0: str(reason)})
@@ -177,7 +179,7 @@ def _failed_rows(described: Campaign, machine: Part, reason: ProcessError) -> An
 # --- In a process
 
 
-def make_rows(described: Campaign, machines: Part, kept: Any = None) -> Chunk:
+def make_rows(described: Campaign, machines: DesignPart, kept: Any = None) -> Chunk:
     """Make the rows of some machines.
 
     Args:
@@ -198,7 +200,7 @@ def make_rows(described: Campaign, machines: Part, kept: Any = None) -> Chunk:
     return Chunk(as_parquet(_table(described, rows)), motions)
 
 
-def _launched(described: Campaign, machines: Part) -> Any:
+def _launched(described: Campaign, machines: DesignPart) -> Any:
     """Table of launches of machines; those that cannot be built have a message."""
     asked, given = described.launches, described.machines.model
     assert asked is not None

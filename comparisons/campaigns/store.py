@@ -27,7 +27,7 @@ from ...models.files import write_bytes, write_text
 from ...models.shown import Reported
 from ..runs.results import ResultFile
 from ..runs.versions import Versions, versions_here
-from .design import Design, Part
+from .design import Design, DesignPart
 from .spec import Campaign
 from .table import columns_of, schema_of
 
@@ -173,7 +173,7 @@ class CampaignStore(Reported):
     def _design(self) -> Design:
         return Design(self.campaign)
 
-    def part(self, chunk: int) -> Part:
+    def part(self, chunk: int) -> DesignPart:
         """Machines of a chunk without those that conditions leave out, and their values."""
         machines = self.machines(chunk)
         return self._design.part(machines.start, machines.stop)

@@ -23,7 +23,7 @@ from ...reference.taylor.batch import BatchLaunches
 from ...version import __version__
 from ..runs.quantities import JUDGED, MetricKind, judged_quantity
 from ..runs.results import Machine, Metric, Run
-from .design import Part
+from .design import DesignPart
 from .spec import Campaign
 
 _TEXT, _REAL, _WHOLE, _TRUTH = pa.string(), pa.float64(), pa.int64(), pa.bool_()
@@ -236,7 +236,7 @@ ThrownPart = tuple[IndexArray, BatchLaunches]
 
 def launch_table(
     campaign: Campaign,
-    machines: Part,
+    machines: DesignPart,
     thrown: Iterable[ThrownPart],
     messages: Mapping[int, str],
 ) -> Any:

@@ -21,7 +21,7 @@ from trebucheck.comparisons.campaigns import run as campaign_run
 from trebucheck.comparisons.campaigns.agreement import ALL, LEVELS, layers
 from trebucheck.comparisons.campaigns.campaign import campaign, open_campaign
 from trebucheck.comparisons.campaigns.changes import difference
-from trebucheck.comparisons.campaigns.design import Design, Part
+from trebucheck.comparisons.campaigns.design import Design, DesignPart
 from trebucheck.comparisons.campaigns.machines import EngineCase, machine
 from trebucheck.comparisons.campaigns.ranking import ranking
 from trebucheck.comparisons.campaigns.shrink import shrink
@@ -268,7 +268,7 @@ def test_a_process_that_is_killed_costs_time_alone(
     assert (tmp_path / "mark").exists() and _rows(store) == _rows(pendulums)
 
 
-def _always_killed(described: Campaign, machines: Part, kept: Any) -> Any:
+def _always_killed(described: Campaign, machines: DesignPart, kept: Any) -> Any:
     """End the process at machine 1, always."""
     if 1 in machines.numbers:
         os.kill(os.getpid(), signal.SIGKILL)
