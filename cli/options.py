@@ -279,13 +279,6 @@ Json = OPTIONS["json"].annotation
 # --------------------------------------------------------------------------- texts to values
 
 
-def positive(value: float, option: str) -> float:
-    """A number that must be greater than zero; InputError if it is not."""
-    if not value > 0:
-        raise InputError(f"{option} {value!r} must be positive.")
-    return value
-
-
 def names(text: str, what: str) -> list[str]:
     """Split a comma list; InputError if the list is empty."""
     names = [part.strip() for part in text.split(",") if part.strip()]

@@ -48,8 +48,6 @@ def certify_command(call: Call) -> bool:
     from ..models.files import refuse_unwritable, write_text
 
     models = call.models()
-    if call.duration is not None:
-        options.positive(call.duration, "--duration")
     refuse_unwritable(call.out)
     certificates: list[str] = []
     for name, model in zip(options.names(call.values["models"], "--models"), models, strict=True):

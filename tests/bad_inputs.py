@@ -13,6 +13,7 @@ import math
 import random
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -208,27 +209,24 @@ _BY_NAME: Mapping[str, Values] = {
     "number": (*WHOLE, "1000000"),
 }
 
-# Parameters that switch something, or that no value of which is wrong
+# Parameters that switch something: they have no values
 _SWITCHES = """
 sweep diagnose resume quiet json best sensitivities reference check keyframes sensors
 finite_inertia scene
 """
 _NO_VALUES = frozenset(_SWITCHES.split())
 
-# A call of each command that takes little time, with the option of the one that is made bad left
-# out
+_OF_ENGINES = {
+    "models": "pendulum",
+    "engines": "mujoco",
+    "preset": "settings",
+    "until": "0.05",
+    "timeout": "20",
+    "out": "out",
+}
+# Flags and values of a call of each command that takes little time
 _CALLS: Mapping[str, tuple[tuple[str, ...], Mapping[str, str]]] = {
-    "compare": (
-        ("--no-diagnose", "--quiet"),
-        {
-            "models": "pendulum",
-            "engines": "mujoco",
-            "preset": "default",
-            "until": "0.05",
-            "timeout": "20",
-            "out": "out",
-        },
-    ),
+    "compare": (("--no-diagnose", "--quiet"), _OF_ENGINES | {"preset": "default"}),
     "judge": (("--quiet",), {"file": "motion.csv", "model": "pendulum", "out": "out"}),
     "conform": (
         ("--quiet",),
@@ -237,28 +235,8 @@ _CALLS: Mapping[str, tuple[tuple[str, ...], Mapping[str, str]]] = {
     "matrix": (("--quiet",), {"files": "results.json", "out": "out"}),
     "diff": ((), {"old": "results.json", "new": "results.json", "out": "out"}),
     "figures": ((), {"folder": "report", "formats": "svg", "out": "out"}),
-    "explain": (
-        ("--quiet",),
-        {
-            "models": "pendulum",
-            "engines": "mujoco",
-            "preset": "settings",
-            "until": "0.05",
-            "timeout": "20",
-            "out": "out",
-        },
-    ),
-    "converge": (
-        ("--quiet",),
-        {
-            "models": "pendulum",
-            "engines": "mujoco",
-            "preset": "settings",
-            "until": "0.05",
-            "timeout": "20",
-            "out": "out",
-        },
-    ),
+    "explain": (("--quiet",), _OF_ENGINES),
+    "converge": (("--quiet",), _OF_ENGINES),
     "recommend": (
         ("--quiet",),
         {
@@ -326,8 +304,6 @@ _RIGHT: Mapping[tuple[str, str], Values] = {
     ("campaign diff", "out"): ("a-file",),
     ("animate", "out"): ("a-file",),
 }
-
-
 # What else a parameter needs to be looked at
 _BESIDE: Mapping[tuple[str, str], Mapping[str, str]] = {
     ("animate", "at"): {"out": "out.svg"},
@@ -377,6 +353,7 @@ def _forms(value: str) -> Iterator[str]:
         yield "empty"
 
 
+@cache
 def parameters() -> dict[str, dict[str, Any]]:
     """Parameters of each command by name, as the command line declares them."""
     found: dict[str, dict[str, Any]] = {}
@@ -418,7 +395,6 @@ def _of_parameter(
     odd = bad[:2] == NUMBERS[:2] and chosen.random() < 0.2 and command != "paper"
     value = chosen.choice(ODD_NUMBERS if odd else bad)
     right = value in (*_RIGHT.get((command, parameter), ()), *_RIGHT.get(("", parameter), ()))
-    # An option of files and names is taken where it is one
     words = _words(command, {parameter: value}, declared)
     return Case(command, parameter, value, words, may_be_right=odd or right)
 
@@ -556,7 +532,8 @@ def _toml(tree: Mapping[str, Any]) -> str:
     return "\n".join(f"{json.dumps(name)} = {inline(value)}" for name, value in tree.items())
 
 
-def motion_csv() -> list[list[str]]:
+@cache
+def _motion_rows() -> list[list[str]]:
     """Rows of a motion of the pendulum that `judge` reads."""
     problem = tb.Problem(tb.model("pendulum"), duration=0.2)
     frame = tb.engine("reference", timestep=5e-3).simulate(problem).to_dataframe()[["q phi"]]
@@ -564,11 +541,8 @@ def motion_csv() -> list[list[str]]:
     return list(csv.reader(io.StringIO(text)))
 
 
-_ROWS: list[list[str]] = []
-
-
 def _changed_motion(chosen: random.Random) -> Case:
-    rows = [list(row) for row in (_ROWS or _ROWS.extend(motion_csv()) or _ROWS)]
+    rows = [list(row) for row in _motion_rows()]
     kind: Callable[[], tuple[str, bool]] = chosen.choice(
         (
             lambda: _cell(rows, chosen),
@@ -634,7 +608,7 @@ def write_files(folder: Path) -> None:
         data = content.encode() if isinstance(content, str) else content
         (folder / name).write_bytes(data)
     with (folder / "motion.csv").open("w", newline="") as file:
-        csv.writer(file).writerows(motion_csv())
+        csv.writer(file).writerows(_motion_rows())
     words = _words("compare", {"out": str(folder / "report")}, parameters())
     assert main([*words]) in (0, 1)
     (folder / "results.json").write_bytes((folder / "report" / "results.json").read_bytes())

@@ -18,8 +18,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import trebucheck as tb
+from trebucheck.comparisons.campaigns.store import CampaignStore
 from trebucheck.comparisons.campaigns.table import COSTS
 from trebucheck.engines.pymunk.engine import PymunkEngine
+from trebucheck.engines.registry import ANNOUNCED
 
 MARK = "TREBUCHECK_FAULT_MARK"
 """Environment variable with the file whose presence makes the next run of `faulty` fail."""
@@ -92,9 +94,9 @@ def faults(number: int, seed: int) -> Iterator[Fault]:
         yield Fault(kind, drawn.random(), drawn.randrange(1 << 30))
 
 
-def rows(store: Path) -> list[dict[str, Any]]:
+def rows(store: CampaignStore) -> list[dict[str, Any]]:
     """Rows of a campaign, without what tells where and how quickly they were made."""
-    table = tb.open_campaign(store).to_pandas().drop(columns=list(COSTS))
+    table = store.to_pandas().drop(columns=list(COSTS))
     return json.loads(table.to_json(orient="records", double_precision=15))
 
 
@@ -133,7 +135,7 @@ def environment(mark: Path) -> dict[str, str]:
     """Environment of clients and workers, in which the engine `faulty` is announced."""
     here = str(Path(__file__).parent)
     return os.environ | {
-        "TREBUCHECK_ENGINES": ENGINES,
+        ANNOUNCED: ENGINES,
         "PYTHONPATH": here,
         MARK: str(mark),
         "OPENBLAS_NUM_THREADS": "1",
@@ -176,10 +178,7 @@ def descendants(pid: int) -> list[int]:
 
     Without loky's resource trackers, which print tracebacks of their own where one was killed.
     """
-    parents: dict[int, int] = {}
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError, ValueError):
-            parents[int(path.parent.name)] = int(path.read_text().rpartition(")")[2].split()[1])
+    parents = {number: int(fields[1]) for number, fields in _processes()}
     found, again = set[int](), {pid}
     while again:
         again = {child for child, parent in parents.items() if parent in again} - found
@@ -196,13 +195,16 @@ def _is_tracker(pid: int) -> bool:
 
 def in_session(session: int) -> list[int]:
     """Processes of a session that have not ended, by /proc."""
-    found: list[int] = []
+    return [
+        number for number, fields in _processes() if int(fields[3]) == session and fields[0] != "Z"
+    ]
+
+
+def _processes() -> Iterator[tuple[int, list[str]]]:
+    """Number of each process, and its state, parent, group, session and so on, by /proc."""
     for path in Path("/proc").glob("[0-9]*/stat"):
-        with suppress(OSError, ValueError):
-            fields = path.read_text().rpartition(")")[2].split()
-            if int(fields[3]) == session and fields[0] != "Z":
-                found.append(int(path.parent.name))
-    return found
+        with suppress(OSError):  # it has ended meanwhile
+            yield int(path.parent.name), path.read_text().rpartition(")")[2].split()
 
 
 def fill(folder: Path, leave: int) -> None:

@@ -24,7 +24,7 @@ _BLOCK = 4096
 
 @dataclass(frozen=True)
 class DesignPart:
-    """Some machines of a design, and their values."""
+    """Machines of a design, and their values."""
 
     numbers: IndexArray
     """(n,)"""

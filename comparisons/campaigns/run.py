@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import platform
 import shlex
+import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
@@ -38,7 +39,7 @@ from ..runs.process import ProcessError, Worker
 from ..runs.runner import failure
 from ..runs.store import conditions
 from ..runs.study import Progress, Study
-from .design import Design, DesignPart
+from .design import DesignPart
 from .machines import (
     EngineCase,
     MovedMachine,
@@ -89,7 +90,7 @@ def _longest(described: Campaign) -> float:
     if runs is None:
         return float("inf")
     parts = len(runs.engines) * len(runs.presets) * max(len(runs.timesteps), 1) + 1
-    return 60.0 + 4 * parts * described.chunk_size(Design(described).size) * runs.timeout
+    return 60.0 + 4 * parts * described.chunk_size(sys.maxsize) * runs.timeout
 
 
 def unordered(

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
 from threading import Lock
-from typing import Any, NoReturn, Self, cast
+from typing import Any, NamedTuple, NoReturn, Self, cast
 from uuid import uuid4
 
 from distributed import CancelledError, Client, KilledWorker, WorkerPlugin, get_worker
@@ -172,7 +172,7 @@ class ClusterWorker(Worker):
         call = call_as_bytes(function, runner, given)
         announced = os.environ.get(ANNOUNCED, "")
         client, here = self.cluster.client, self.cluster.versions
-        key, future = (self.cluster.token, self.timeout, self.fresh), None
+        key, future = _Key(self.cluster.token, self.timeout, self.fresh), None
         try:
             future = client.submit(_call_there, call, key, announced, here, pure=False)
             self._waited_for.add(future)
@@ -200,12 +200,16 @@ class ClusterWorker(Worker):
             self.cluster.close()
 
 
-_Key = tuple[str, float, bool]
-"""Token of a client's cluster, limit of time of a call [s], and whether each call is fresh."""
-_BESIDE: dict[_Key, Worker] = {}
-"""Processes beside this one of a Dask worker."""
-_LAST_CALL: dict[_Key, float] = {}
-"""When they were last called, by the monotonic clock [s]."""
+class _Key(NamedTuple):
+    """What processes beside a Dask worker are for."""
+
+    token: str  # of a client's cluster
+    timeout: float  # of a call [s]
+    fresh: bool  # whether each call has a process that nothing was run in before
+
+
+_BESIDE: dict[_Key, tuple[Worker, float]] = {}
+"""Processes beside this one of a Dask worker, and their last call by the monotonic clock [s]."""
 _CHOOSING = Lock()  # a Dask worker has several threads
 _IDLE = 600.0  # [s] without a call, beyond its limit of time, after which a client must be gone
 
@@ -221,16 +225,15 @@ class _EndProcesses(WorkerPlugin):
 
 def _end_calls(token: str) -> None:
     """End the processes that make the calls of one client."""
-    for key in [key for key in list(_BESIDE) if key[0] == token]:
+    for key in [key for key in list(_BESIDE) if key.token == token]:
         _end(key)
 
 
 def _end(key: _Key) -> None:
     with _CHOOSING:
-        _LAST_CALL.pop(key, None)
-        worker = _BESIDE.pop(key, None)
-    if worker is not None:
-        worker.close()
+        ended = _BESIDE.pop(key, None)
+    if ended is not None:
+        ended[0].close()
 
 
 def _worker_there(key: _Key, jobs: int) -> Worker:
@@ -239,12 +242,12 @@ def _worker_there(key: _Key, jobs: int) -> Worker:
     # their parent.
     process = cast("Any", multiprocessing.current_process())
     process._config["daemon"] = False
-    _, timeout, fresh = key
     now = time.monotonic()
     with _CHOOSING:
-        _LAST_CALL[key] = now
-        worker = _BESIDE.setdefault(key, Worker(timeout, jobs=jobs, fresh=fresh))
-        idle = [each for each, last in _LAST_CALL.items() if now - last > each[1] + _IDLE]
+        there = _BESIDE.get(key)
+        worker = there[0] if there else Worker(key.timeout, jobs=jobs, fresh=key.fresh)
+        _BESIDE[key] = worker, now
+        idle = [each for each, (_, last) in _BESIDE.items() if now - last > each.timeout + _IDLE]
     for other in idle:
         _end(other)
     return worker

@@ -22,7 +22,7 @@ import socket
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent import futures
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
@@ -178,19 +178,13 @@ class _Process(ProcessPoolExecutor):
         """
         self._starter.submit(_submitted, self, _import_this_module).result().result(_START)
 
-    def result(self, future: Future[_Result], timeout: float, memory: float) -> _Result:
-        """Wait for a call's result, and look at the memory that it takes meanwhile.
+    def wait_for(self, future: Future[Any], timeout: float, memory: float) -> _Stopped | None:
+        """Wait for a call, as :func:`_wait_for`."""
 
-        Raises:
-            TimeoutError: it did not come within so many seconds.
-            _TooLargeError: the process takes more than so many bytes.
-        """
-        end = time.monotonic() + timeout
-        while not future.done() and (left := end - time.monotonic()) > 0:
-            futures.wait([future], min(left, _LOOK))
-            if any(_memory_of(process) > memory for process in list(self._processes or ())):
-                raise _TooLargeError
-        return future.result(0)
+        def is_done(seconds: float) -> bool:
+            return bool(futures.wait([future], seconds).done)
+
+        return _wait_for(is_done, lambda: list(self._processes or ()), timeout, memory)
 
     def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
         """End the process."""
@@ -266,17 +260,18 @@ class Worker:
             if self.fresh and FORKS:
                 return self._forked(pool, function, runner, given)
             call = _submitted(pool, function, runner, given)
-            return pool.result(call, self.timeout, self.memory)
+            stopped = pool.wait_for(call, self.timeout, self.memory)
+            if stopped is not None:
+                pool = self._end(pool)
+                raise self._stopped(runner, stopped)
+            return call.result()
         except BrokenProcessPool:
             pool = self._end(pool)
             message = f"{runner.name} crashed: its process ended by itself."
             raise ProcessError(message) from None
         except TimeoutError:
             pool = self._end(pool)
-            raise self._too_long(runner) from None
-        except _TooLargeError:
-            pool = self._end(pool)
-            raise self._too_large(runner) from None
+            raise self._stopped(runner, _Stopped.TIME) from None
         finally:
             if self.fresh and not FORKS and pool in self._started:
                 self._end(pool)
@@ -293,10 +288,8 @@ class Worker:
         if not safe:
             self._imports = False
             self._end(pool)
-        if ended is _Stopped.TIME:
-            raise self._too_long(runner)
-        if ended is _Stopped.MEMORY:
-            raise self._too_large(runner)
+        if isinstance(ended, _Stopped):
+            raise self._stopped(runner, ended)
         if answer is None:
             how = f" ({signal.Signals(-ended).name})" if ended < 0 else f" (exit code {ended})"
             raise ProcessError(f"{runner.name} crashed: its process ended by itself{how}.")
@@ -316,11 +309,10 @@ class Worker:
             self._end(pool)
             raise ProcessError(f"no process can be started: {error}.") from None
 
-    def _too_long(self, runner: _Named) -> TimeLimitError:
-        message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
-        return TimeLimitError(message, self.timeout)
-
-    def _too_large(self, runner: _Named) -> MemoryLimitError:
+    def _stopped(self, runner: _Named, why: _Stopped) -> ProcessError:
+        if why is _Stopped.TIME:
+            message = f"{runner.name} did not finish within {self.timeout:g} s and was stopped."
+            return TimeLimitError(message, self.timeout)
         message = f"{runner.name} took more than {self.memory / 1e9:.3g} GB of memory"
         return MemoryLimitError(f"{message} and was stopped.")
 
@@ -424,8 +416,30 @@ class _Stopped(Enum):
     MEMORY = "memory"
 
 
-class _TooLargeError(Exception):
-    """A process takes more memory than it may."""
+def _wait_for(
+    is_done: Callable[[float], bool],
+    processes: Callable[[], Iterable[int]],
+    timeout: float,
+    memory: float,
+) -> _Stopped | None:
+    """Wait for a call, and look at the memory that its processes take meanwhile.
+
+    Args:
+        is_done: waits for so many seconds at most, and tells whether it is done.
+        processes: their numbers.
+        timeout: longest wait [s].
+        memory: that each may take [bytes].
+
+    Returns:
+        Why the call is to be stopped; None: it is done.
+    """
+    end = time.monotonic() + timeout
+    while (left := end - time.monotonic()) > 0:
+        if is_done(min(left, _LOOK)):
+            return None
+        if any(_memory_of(process) > memory for process in processes()):
+            return _Stopped.MEMORY
+    return _Stopped.TIME
 
 
 def _call_forked(
@@ -452,10 +466,14 @@ def _call_forked(
         _make(call, theirs, parent)
     theirs.close()
     ended = os.pidfd_open(pid)
+    answer, modules = None, tuple[str, ...]()
+
+    def is_done(seconds: float) -> bool:
+        return bool(wait([ours, ended], seconds))
+
     try:
-        ready, stopped = _wait_for(pid, [ours, ended], timeout, memory)
-        answer, modules = None, tuple[str, ...]()
-        if ours in ready:
+        stopped = _wait_for(is_done, lambda: [pid], timeout, memory)
+        if stopped is None and ours.poll():
             with suppress(EOFError):  # it ended in the middle of it
                 answer, modules = ours.recv_bytes(), tuple(pickle.loads(ours.recv_bytes()))
     finally:
@@ -465,20 +483,6 @@ def _call_forked(
         ours.close()
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     return answer, stopped or code, not imports or _import(modules)
-
-
-def _wait_for(
-    pid: int, ends: Sequence[Connection | int], timeout: float, memory: float
-) -> tuple[list[Any], _Stopped | None]:
-    """What of a process's ends is ready, and else why it is to be stopped."""
-    end = time.monotonic() + timeout
-    while (left := end - time.monotonic()) > 0:
-        ready = wait(ends, min(left, _LOOK))
-        if ready:
-            return ready, None
-        if _memory_of(pid) > memory:
-            return [], _Stopped.MEMORY
-    return [], _Stopped.TIME
 
 
 def _import(modules: tuple[str, ...]) -> bool:

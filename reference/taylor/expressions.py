@@ -15,7 +15,6 @@ so that L D L^T needs no pivoting (symmetric quasidefinite matrices: Vanderbei, 
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -51,23 +50,29 @@ _ABSENT = (
 )
 
 
+def _is_installed() -> bool:
+    """Tell whether heyoka is there, without importing it."""
+    return importlib.util.find_spec("heyoka") is not None
+
+
 def refuse_absence() -> None:
-    """Raise EngineNotInstalledError if heyoka is not installed, without importing it."""
-    if importlib.util.find_spec("heyoka") is None:
+    """Raise EngineNotInstalledError if heyoka is not installed; it is not imported."""
+    if not _is_installed():
         raise EngineNotInstalledError(_ABSENT)
 
 
 def heyoka() -> Any:
     """The library, imported when first asked for: it takes a quarter of a second."""
     try:
-        return importlib.import_module("heyoka")
+        import heyoka
     except ImportError:
         raise EngineNotInstalledError(_ABSENT) from None
+    return heyoka
 
 
 def why_not_taylor(problem: Problem) -> str | None:
     """Reason for "auto" to take DOP853, half a sentence; None where it takes Taylor series."""
-    if importlib.util.find_spec("heyoka") is None:
+    if not _is_installed():
         return "heyoka is not installed"
     mechanism = problem.mechanism
     closed = [stop.name for stop in mechanism.stops if stop.closed]

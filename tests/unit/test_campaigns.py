@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
+from campaign_faults import rows
 from trebucheck.__main__ import main
 from trebucheck.comparisons.campaigns import run as campaign_run
 from trebucheck.comparisons.campaigns.agreement import ALL, LEVELS, layers
@@ -27,7 +27,7 @@ from trebucheck.comparisons.campaigns.ranking import ranking
 from trebucheck.comparisons.campaigns.shrink import shrink
 from trebucheck.comparisons.campaigns.spec import Campaign, Runs
 from trebucheck.comparisons.campaigns.store import CampaignStore
-from trebucheck.comparisons.campaigns.table import COSTS, DIGITS
+from trebucheck.comparisons.campaigns.table import DIGITS
 from trebucheck.models.errors import UnwritableError
 from trebucheck.models.problem import mechanism_of
 
@@ -46,11 +46,6 @@ PENDULUMS: dict[str, Any] = {
 
 def _with(**changes: Any) -> dict[str, Any]:
     return PENDULUMS | changes
-
-
-def _rows(store: CampaignStore) -> list[dict[str, Any]]:
-    """All but what tells where and how quickly a row was made."""
-    return json.loads(store.to_pandas().drop(columns=list(COSTS)).to_json(orient="records"))
 
 
 @pytest.fixture(scope="module")
@@ -182,7 +177,7 @@ def test_the_command_of_a_row_makes_it_again(pendulums: CampaignStore) -> None:
 
 
 def test_the_order_of_completion_changes_nothing(pendulums: CampaignStore, tmp_path: Path) -> None:
-    assert _rows(campaign(PENDULUMS, tmp_path, jobs=2)) == _rows(pendulums)
+    assert rows(campaign(PENDULUMS, tmp_path, jobs=2)) == rows(pendulums)
 
 
 def test_units_and_meanings_stand_in_the_files(pendulums: CampaignStore) -> None:
@@ -207,7 +202,7 @@ def test_only_what_is_asked_for_is_kept(tmp_path: Path) -> None:
 # --- Failures
 
 
-def test_engines_that_crash_hang_or_raise_cost_their_rows(
+def test_engines_that_crash_hang_or_raise_cost_theirrows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ["crasher", "sleeper", "raiser"]
@@ -241,7 +236,7 @@ def test_what_failed_for_its_processs_sake_alone_is_made_again(
     assert again["wall_time"][1] == first["wall_time"][1]
 
 
-def test_machines_that_cannot_be_built_or_moved_are_rows(tmp_path: Path) -> None:
+def test_machines_that_cannot_be_built_or_moved_arerows(tmp_path: Path) -> None:
     machines = PENDULUMS["machines"] | {"values": {"length": [1.0, -1.0]}}
     rows = campaign(_with(machines=machines), tmp_path, jobs=1).to_pandas()
     assert rows["outcome"].tolist()[1] == "failed"
@@ -265,7 +260,7 @@ def test_a_process_that_is_killed_costs_time_alone(
 ) -> None:
     monkeypatch.setattr(campaign_run, "make_rows", partial(_killed_once, tmp_path / "mark"))
     store = campaign(PENDULUMS, tmp_path / "store", jobs=1)
-    assert (tmp_path / "mark").exists() and _rows(store) == _rows(pendulums)
+    assert (tmp_path / "mark").exists() and rows(store) == rows(pendulums)
 
 
 def _always_killed(described: Campaign, machines: DesignPart, kept: Any) -> Any:
@@ -295,7 +290,7 @@ def test_what_is_there_is_not_made_again(tmp_path: Path, pendulums: CampaignStor
     assert list(store.missing()) == [1]
     again = campaign(PENDULUMS, tmp_path, jobs=1)
     assert first.stat().st_mtime_ns == before
-    assert _rows(again) == _rows(pendulums) and not list(again.missing())
+    assert rows(again) == rows(pendulums) and not list(again.missing())
 
 
 def test_a_full_disk_ends_it_with_a_sentence_and_an_intact_store(

@@ -193,6 +193,29 @@ def test_a_call_that_hangs_is_ended_and_the_next_one_is_served(worker: Worker) -
 
 
 @linux
+def test_a_process_in_which_imports_start_threads_forks_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert process._import(("no_such_module", "math"))
+    thread, go_on = Event(), Event()
+    other = Thread(target=lambda: (thread.set(), go_on.wait(60)))
+    monkeypatch.setattr(process, "import_module", lambda _: (other.start(), thread.wait(60)))
+    assert not process._import(("threads",))
+    go_on.set()
+
+
+@pytest.mark.slow
+def test_where_nothing_can_be_forked_each_call_has_a_process_that_is_started_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(process, "FORKS", False)
+    with Worker(60.0, fresh=True) as worker:
+        worker.call(_corrupt, _Engine(), None)
+        place, variable, *_ = worker.call(_state, _Engine(), None)
+        assert (place, variable) == (Path.cwd(), None) and not worker._started
+
+
+@linux
 def test_a_process_that_is_ended_from_two_sides_is_ended_once() -> None:
     """The call's thread, which has seen its process end, and the one that closes the worker."""
     worker = Worker(60.0)
@@ -221,29 +244,6 @@ def test_a_call_that_takes_too_much_memory_is_ended_and_the_next_one_is_served(
         with pytest.raises(process.MemoryLimitError, match=r"it took more than 1 GB of memory"):
             worker.call(_grow, _Engine(), None)
         assert worker.call(_state, _Engine(), None)
-
-
-@linux
-def test_a_process_in_which_imports_start_threads_forks_no_more(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    assert process._import(("no_such_module", "math"))
-    thread, go_on = Event(), Event()
-    other = Thread(target=lambda: (thread.set(), go_on.wait(60)))
-    monkeypatch.setattr(process, "import_module", lambda _: (other.start(), thread.wait(60)))
-    assert not process._import(("threads",))
-    go_on.set()
-
-
-@pytest.mark.slow
-def test_where_nothing_can_be_forked_each_call_has_a_process_that_is_started_for_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(process, "FORKS", False)
-    with Worker(60.0, fresh=True) as worker:
-        worker.call(_corrupt, _Engine(), None)
-        place, variable, *_ = worker.call(_state, _Engine(), None)
-        assert (place, variable) == (Path.cwd(), None) and not worker._started
 
 
 LEFT_BEHIND = """
