@@ -103,7 +103,9 @@ def loopback() -> None:
     described, times = _runs(96, 8), list[float]()
     cluster: Any  # whose constructor is a coroutine to type checkers
     for workers in (1, 2):
-        with LocalCluster(workers, threads_per_worker=1, dashboard_address=":0") as cluster:
+        with LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address=":0"
+        ) as cluster:
             address = cluster.scheduler_address
             start = _into_a_store(_runs(2, 1), None, address)[0]
             times.append(_into_a_store(described, None, address)[0] - start)

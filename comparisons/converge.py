@@ -17,8 +17,8 @@ from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 from pydantic import Field, JsonValue
-from scipy import stats
 from scipy.optimize import brentq
+from scipy.special import stdtrit
 
 from ..engines.presets import ASSISTED, PRESETS
 from ..engines.protocol import Engine
@@ -263,22 +263,22 @@ def power_law(
     y = np.array(fitted, dtype=np.float64)[order]
     best, most = None, -math.inf
     for first, end in combinations(range(len(x) + 1), 2):
-        # A run of one and the same error is a floor; linregress has no deviation for it.
+        # A run of one and the same error is a floor.
         if end - first < FEWEST or not np.isfinite(y[first:end]).all() or not np.ptp(y[first:end]):
             continue
         log_x, log_y = np.log(x[first:end]), np.log(y[first:end])
-        line = stats.linregress(log_x, log_y)
-        quantile = stats.t.ppf((1 + CONFIDENCE) / 2, len(log_x) - 2)
+        (slope, intercept), covariance = np.polyfit(log_x, log_y, 1, cov=True)
+        quantile = stdtrit(len(log_x) - 2, (1 + CONFIDENCE) / 2)  # of Student's distribution
         law = PowerLaw(
-            exponent=float(line.slope),
-            half_width=float(quantile * line.stderr),
-            factor=float(np.exp(line.intercept)),
+            exponent=float(slope),
+            half_width=float(quantile * np.sqrt(covariance[0, 0])),
+            factor=float(np.exp(intercept)),
             low=float(np.exp(log_x[0])),
             high=float(np.exp(log_x[-1])),
             points=len(log_x),
         )
         length = np.log(law.high / law.low)
-        off = float(np.abs(log_y - line.intercept - line.slope * log_x).max())
+        off = float(np.abs(log_y - intercept - slope * log_x).max())
         change = abs(law.exponent) * length
         if 6.0 * off <= SLOPE * length and change >= np.log(TENFOLD) and change > most:
             best, most = law, change

@@ -718,7 +718,7 @@ def explain_study(study: Study) -> Explanation:
     )
 
 
-_REPEATS = 3  # timed runs of each setting, of some hundredths of a second each
+_REPEATS = 3  # timed runs of each preset; one of each changed option
 
 
 def compare_presets(runs: EngineRuns, first: Engine, second: Engine) -> PresetComparison:
@@ -727,12 +727,12 @@ def compare_presets(runs: EngineRuns, first: Engine, second: Engine) -> PresetCo
     if step is not None:
         second = with_options(second, {"timestep": step})
 
-    def figures(engine: Engine, options: dict[str, JsonValue]) -> Figures:
+    def figures(engine: Engine, options: dict[str, JsonValue], repeats: int = 1) -> Figures:
         try:
             changed = with_options(engine, options)
         except InputError as error:
             return Figures(message=str(error))
-        record = runs.record(changed, repeats=_REPEATS)
+        record = runs.record(changed, repeats)
         if record.curves is None:
             return Figures(message=record.message or "it did not run")
         late = [abs(time) for time in record.curves.release_times.values() if time is not None]
@@ -757,7 +757,7 @@ def compare_presets(runs: EngineRuns, first: Engine, second: Engine) -> PresetCo
         presets=(first.preset, second.preset),
         timestep=float(step) if isinstance(step, int | float) else None,
         force_unit=runs.mechanism.force_unit,
-        first=figures(first, {}),
-        second=figures(second, {}),
+        first=figures(first, {}, _REPEATS),
+        second=figures(second, {}, _REPEATS),
         changes=tuple(changes),
     )

@@ -24,6 +24,7 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property, partial
+from heapq import heappop, heappush
 from itertools import islice
 from typing import Annotated, Any, Literal, NamedTuple, Self, Unpack
 
@@ -405,10 +406,11 @@ _PATIENCE = 2  # steps without gain, before a set is given up
 _FEWEST = 3  # steps in the compared motion, at least: the reference goes on a step beyond it
 _LONGEST = 1.0  # [s], that an engine takes
 _REPEATS = 5
+_REPEATABLE = 1.2  # times: repeated measurements of a cost on a busy machine are within it
 TIE = 1.5
-"""Costs closer than this are equal: repeated measurements on a busy machine are within 1.2."""
-_DEARER = TIE**2
-"""Times the cheapest, from which on a set cannot be equal to it, however its cost is measured."""
+"""Costs closer than this are equal."""
+_DEARER = TIE * _REPEATABLE
+"""Times the cheapest, from which on a set cannot be equal to it, as its cost is measured."""
 
 
 def option_sets(name: str) -> tuple[OptionSet, ...]:
@@ -483,6 +485,20 @@ class Sweep:
         return self.best.ratios[self.last]
 
 
+class _Candidate(NamedTuple):
+    """A set at the longest step that may reach the target on all machines, not verified yet.
+
+    They are ordered by what they cost on the machine itself at least, and then from plain to
+    assisted.
+    """
+
+    cost: float  # [s]
+    place: int  # among the sets
+    sweep: Sweep
+    at: int  # index of the step
+    order: list[int]  # in which the machines are run: those that missed the target first
+
+
 class TimedSweep(NamedTuple):
     """A set of options, the step that reaches the target, and its timed run on the machine."""
 
@@ -510,7 +526,8 @@ class Search:
 
     A set is followed on the machine asked about first, from a moderate step to longer ones up to
     the first that misses the target, or to shorter ones. What a set costs there it costs at least:
-    the cheapest then go on to the neighbours, and the others only while they may be as cheap.
+    the cheapest goes on to the neighbours first. One that needs a shorter step there waits until it
+    is the cheapest again, and ends where it cannot be as cheap as what is found.
     """
 
     engine: str
@@ -527,19 +544,23 @@ class Search:
             sets: from plain to assisted.
             bound: cost of what is recommended so far [s].
         """
-        sweeps, hopeful = list(map(Sweep, sets)), list[tuple[float, int, Sweep]]()
-        for sweep in sweeps:
+        sweeps, waiting = list(map(Sweep, sets)), list[_Candidate]()
+        for place, sweep in enumerate(sweeps):
             self.starts(sweep.options.name)
             index = self._longest(sweep, 0, self.ladder.moderate)
             if index is not None:
-                hopeful.append((self._cost(sweep, index), index, sweep))
-        for least, i, sweep in sorted(hopeful, key=lambda each: each[0]):
-            if least > _DEARER * bound:
-                step = f"{self.ladder.steps[i]:g} s"
-                sweep.note = f"reached at {step}, which costs more than what is recommended"
-                continue
-            self._verify(sweep, i, bound)
-            bound = min(bound, self.cost(sweep))
+                order = list(range(len(self.cases)))
+                cost = self._cost(sweep, index)
+                heappush(waiting, _Candidate(cost, place, sweep, index, order))
+        while waiting:
+            candidate = heappop(waiting)
+            step = f"{self.ladder.steps[candidate.at]:g} s"
+            if candidate.cost > _DEARER * bound:
+                note = f"would need {step} or less, which costs more than what is recommended"
+                candidate.sweep.note = note
+            elif (shorter := self._verified(candidate)) is not None:
+                heappush(waiting, shorter)
+            bound = min(bound, self.cost(candidate.sweep))
         return sweeps
 
     def trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
@@ -629,27 +650,25 @@ class Search:
         sweep.note = f"by the order found, {order:.1f}, no step down to {finest:g} s will do"
         return True
 
-    def _verify(self, sweep: Sweep, index: int, bound: float) -> None:
-        """Find the longest step, up to one, that reaches the target on all machines.
+    def _verified(self, candidate: _Candidate) -> _Candidate | None:
+        """Run all machines at a step: the set has reached the target, or needs a shorter step.
 
-        At a shorter step all machines are run anew, those first that missed the target. Nothing
-        here depends on what was found with other sets, whose order follows from measured costs.
+        Those are run first that missed the target before. Nothing here depends on what was found
+        with other sets, whose order follows from measured costs.
+
+        Returns:
+            The same set at the next step that may do; None: it reached it, or no step will do.
         """
-        order = list(range(len(self.cases)))
-        while True:
-            failed = self._first_to_fail(sweep, index, order)
-            if failed is None:
-                sweep.reached = sweep.rungs[self.ladder.steps[index]]
-                return
-            order.remove(failed)
-            order.insert(0, failed)
-            shorter = self._shorter(sweep, failed, index)
-            if shorter is None:
-                return
-            index = shorter
-            if self._cost(sweep, index) > _DEARER * bound:
-                sweep.note = "a shorter step would cost more than what is recommended"
-                return
+        sweep, index, order = candidate.sweep, candidate.at, candidate.order
+        failed = self._first_to_fail(sweep, index, order)
+        if failed is None:
+            sweep.reached = sweep.rungs[self.ladder.steps[index]]
+            return None
+        shorter = self._shorter(sweep, failed, index)
+        if shorter is None:
+            return None
+        order = [failed, *(case for case in order if case != failed)]
+        return _Candidate(self._cost(sweep, shorter), candidate.place, sweep, shorter, order)
 
     def _first_to_fail(self, sweep: Sweep, index: int, order: Sequence[int]) -> int | None:
         """The first machine, in this order, that misses the target at a step."""

@@ -82,6 +82,9 @@ class Solution(Shown):
         default_factory=dict[str, tuple[float, ...]]
     )
     """By stop, when it ceased to bounce, or was met without rebound, and stayed closed [s]."""
+    _launches: dict[tuple[float, str], Launch | None] = field(
+        default_factory=dict[tuple[float, str], "Launch | None"], init=False, compare=False
+    )  # found so far: each run is compared with them
 
     def headline(self) -> str:
         """The mechanism, the end of the motion and the number of segments."""
@@ -210,6 +213,11 @@ class Solution(Shown):
         in every solution that is long enough. At an impact that turns the velocity through the
         direction, the velocity is the one between those before and after it.
         """
+        if (angle, marker) not in self._launches:
+            self._launches[angle, marker] = self._first_launch(angle, marker)
+        return self._launches[angle, marker]
+
+    def _first_launch(self, angle: float, marker: str) -> Launch | None:
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         point = mechanism.marker(marker)
         if point is None:

@@ -88,6 +88,14 @@ class AlignedRun:
         return sampled_balance(self.trajectory)[0] - before, expected
 
     @cached_property
+    def launches(self) -> tuple[Launch | None, Launch | None]:
+        """Launches of the trajectory and of the reference; None: none, or no such marker."""
+        if self.thrown not in self.trajectory.markers:
+            return None, None
+        expected = self.solution.launch_at(LAUNCH_ANGLE, self.thrown)
+        return self.trajectory.launch(marker=self.thrown), expected
+
+    @cached_property
     def step(self) -> float:
         """Median interval of the samples [s]."""
         return float(np.median(np.diff(self.trajectory.t)))
@@ -243,13 +251,17 @@ def measure(
     """
     reference = reference or solution.trajectory(trajectory.t)
     motions = (trajectory, reference, solution, end, trajectory.t <= end)
-    c = AlignedRun(*motions, thrown, scales, invariants_to, stretching)
+    return metrics_of(AlignedRun(*motions, thrown, scales, invariants_to, stretching))
+
+
+def metrics_of(c: AlignedRun) -> tuple[Metric, ...]:
+    """Measure every metric of a run, as :func:`measure`."""
     parts = (_sampled_time, _motion, _launch, _releases, _impacts, _torques, _reactions)
     parts += (_energy, _invariants, _constraints)
     metrics = [metric for part in parts for metric in part(c)]
-    if stretching is not None:
-        angles = solution.equations.kinematics.is_angle > 0
-        metrics += parting(trajectory, reference, angles, c.scales, stretching)
+    if c.stretching is not None:
+        angles = c.solution.equations.kinematics.is_angle > 0
+        metrics += parting(c.trajectory, c.reference, angles, c.scales, c.stretching)
     return tuple(metrics)
 
 
@@ -310,8 +322,7 @@ def launch_errors(
 def _launch(c: AlignedRun) -> Iterator[Metric]:
     if c.thrown not in c.trajectory.markers:
         return
-    launch = c.trajectory.launch(marker=c.thrown)
-    expected = c.solution.launch_at(LAUNCH_ANGLE, c.thrown)
+    launch, expected = c.launches
     time, due = (None if event is None else event.time for event in (launch, expected))
     if not c.within(time, due):
         return

@@ -34,9 +34,8 @@ from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
-from ...reference.solution import Solution
 from ...reference.solver import characteristic_time
-from .metrics import SAME_END, THROWN, against, launch_errors, measure, points
+from .metrics import SAME_END, THROWN, AlignedRun, launch_errors, metrics_of, points
 from .process import ProcessError, TimeLimitError, Worker, all_in_order
 from .quantities import parse_label
 from .results import (
@@ -222,32 +221,28 @@ def make(
         thrown, end = runner.until.thrown, runner.judged_to
         run = runner.simulate(engine, given)
         reference = runner.reference(run.t)
-        if not run.mechanism.markers:  # `measure` has those of markers
+        if not run.mechanism.markers:  # `metrics_of` has those of markers
             expected = points(reference)
             for name, position in points(run).items():
                 distance = np.linalg.norm(position - expected[name], axis=1)[run.t <= end].max()
                 value = float(distance)
                 metrics.append(Metric(name="position_max", subject=name, value=value, unit="m"))
-        compared = (run, runner.solution, end, reference)
-        metrics += measure(*compared, scales=runner.scales, thrown=thrown)
-        kept = curves_of(*compared, thrown=thrown) if curves else None
+        compared = (run, reference, runner.solution, end, run.t <= end, thrown, runner.scales)
+        aligned = AlignedRun(*compared)
+        metrics += metrics_of(aligned)
+        kept = curves_of(aligned) if curves else None
     except Exception as error:
         return record.failed(error)
     return record.measured(run, metrics, kept)
 
 
-def curves_of(
-    trajectory: Trajectory,
-    solution: Solution,
-    end: float,
-    reference: Trajectory | None = None,
-    thrown: str = THROWN,
-) -> Curves:
-    """Interpolates trajectory minus reference to the common grid, up to `end` [s].
+def curves_of(aligned: AlignedRun) -> Curves:
+    """Interpolates trajectory minus reference to the common grid, up to the end.
 
     The trajectory should go on a little beyond it.
     """
-    t, reference = trajectory.t, reference or solution.trajectory(trajectory.t)
+    trajectory, reference, end = aligned.trajectory, aligned.reference, aligned.end
+    t, expected_releases = trajectory.t, aligned.solution.release_times
     grid = np.linspace(0.0, end, GRID + 1)
     expected, positions = points(reference), Positions()
     for name, position in points(trajectory).items():
@@ -263,16 +258,14 @@ def curves_of(
         if not stop.closed:
             continue
         name = stop.name
-        time, due = trajectory.release_time(name), solution.release_times[name]
+        time, due = trajectory.release_time(name), expected_releases[name]
         releases[name] = None if time is None or due is None else time - due
         if name in trajectory.stop_torques:
             error = trajectory.stop_torque(name) - reference.stop_torque(name)
             torques[name] = tuple(np.interp(grid, t, error).tolist())
             units[name] = stop.force_unit
-    balance, kept = against(trajectory, solution, end, reference).balance
-    launch = trajectory.launch(marker=thrown) if thrown in trajectory.markers else None
-    due_launch = solution.launch_at(LAUNCH_ANGLE, thrown) if launch else None
-    launch_time, launch_speed = launch_errors(launch, due_launch)
+    balance, kept = aligned.balance
+    launch_time, launch_speed = launch_errors(*aligned.launches)
     return Curves(
         end=end,
         force_units=units,

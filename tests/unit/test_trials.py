@@ -13,7 +13,7 @@ import plugin_engines
 import pytest
 import trebucheck as tb
 from pydantic import JsonValue
-from trebucheck.comparisons.runs.metrics import measure
+from trebucheck.comparisons.runs.metrics import against, measure
 from trebucheck.comparisons.runs.process import ProcessError, TimeLimitError
 from trebucheck.comparisons.runs.record import EngineRuns, RunRecord, curves_of
 from trebucheck.comparisons.runs.results import Metric, Outcome
@@ -143,8 +143,8 @@ def test_a_known_reference_changes_nothing() -> None:
     rest = run.stop_torques["sling rest"] + 1.0
     off = replace(run, q=run.q + 1e-6, stop_torques={**run.stop_torques, "sling rest": rest})
     reference = solution.trajectory(off.t)
-    with_it = curves_of(off, solution, end, reference)
-    assert with_it == curves_of(off, solution, end)
+    with_it = curves_of(against(off, solution, end, reference))
+    assert with_it == curves_of(against(off, solution, end))
     assert max(with_it.torques["sling rest"]) == pytest.approx(1.0)
     assert measure(off, solution, end, reference) == measure(off, solution, end)
 
