@@ -34,6 +34,7 @@ _PUBLIC = {
     "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",
+    "comparisons.prove": "prove",
     "comparisons.recommend": "recommend",
     "comparisons.runs.study": "cluster",
     "conformance.check": "check",

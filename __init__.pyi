@@ -9,6 +9,7 @@ from .comparisons.explain import explain
 from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
+from .comparisons.prove import prove
 from .comparisons.recommend import recommend
 from .comparisons.runs.study import cluster
 from .conformance.check import check
@@ -116,6 +117,7 @@ __all__ = [
     "paper",
     "problem",
     "problems",
+    "prove",
     "recommend",
     "rolling",
     "sensitivities",

@@ -66,6 +66,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     },
     _TRUTH: {
         "certify": truth.certify_command,
+        "prove": truth.prove_command,
         "data": truth.data_command,
         "problems": truth.problems_command,
     },

@@ -1,4 +1,4 @@
-"""`trebucheck certify`, `data` and `problems`: what is certain?"""
+"""`trebucheck certify`, `prove`, `data` and `problems`: what is certain?"""
 
 from __future__ import annotations
 
@@ -85,6 +85,60 @@ def certify_command(call: Call) -> bool:
     if call.json:
         typer.echo(f"[{','.join(certificates)}]")
     return len(certificates) == len(models)
+
+
+@command(
+    "model digits until set beam stop_law most_steps timeout quiet json",
+    folder("proofs", "Folder for NAME.json and NAME.html."),
+    model=argument(f"Machine: {options.MACHINES}.", str, "fixed", names=options.machine_names),
+    digits=option("--digits", "Digits of every figure, 1 to 200.", int, 12),
+    until=option(
+        "--until", "End of the motion (s), a decimal; the problem's own, else the launch."
+    ),
+    most_steps=option("--most-steps", "Limit of the steps of a trial.", int, 100_000),
+    timeout=options.timeout(600.0, "Limit of processor time (s)."),
+    json=option("--json", "Print the figures as JSON, and nothing else.", bool, False),
+)
+def prove_command(call: Call) -> bool:
+    """Enclose a motion in ball arithmetic: events, launch and end with proved radii.
+
+    The exact value of every figure is within its radius: nothing is estimated. Proved is the motion
+    of the equations, with the doubles of the mechanism's file taken exactly. Ends with exit code 1
+    where an inequality stays undecided or a limit is reached, and says which.
+
+    Examples:
+    trebucheck prove fixed --digits 20
+
+    trebucheck prove double-pendulum --until 2.5
+    """
+    from ..comparisons.prove import ProofFile, prove
+    from ..comparisons.report import html
+    from ..comparisons.report.pages.run import proof_report
+    from ..models.files import refuse_unwritable, write_text
+
+    model = call.only_model()
+    if call.most_steps < 1:
+        raise InputError(f"--most-steps {call.most_steps} must be positive.")
+    refuse_unwritable(call.out)
+    with call.progress("proof") as show:
+        proof = prove(
+            model,
+            call.digits,
+            call.until,
+            stop_law=call.stop_law,
+            most_steps=call.most_steps,
+            timeout=call.timeout,
+            progress=lambda trial, t: show(f"trial {trial}: t = {t:.4f} s", 0, 1),
+        )
+    found = ProofFile.of(proof).made_by(call.command_line)
+    report, path = proof_report(found), call.out / f"{found.model}.json"
+    write_text(path, found.to_json() + "\n")
+    write_text(path.with_suffix(".html"), html.page(report))
+    if call.json:
+        typer.echo(found.to_json())
+    else:
+        output.show(report, call.told, Proof=path, Page=path.with_suffix(".html"))
+    return True
 
 
 @command(

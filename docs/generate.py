@@ -33,6 +33,7 @@ from trebucheck.comparisons.matrix import Matrix, distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import recorded
 from trebucheck.comparisons.problems import check
+from trebucheck.comparisons.prove import ProofFile
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import Document, table, without_empty_columns
@@ -100,6 +101,7 @@ SCHEMAS = {
     "converge": Studies,
     "campaign": CampaignFile,
     "explain": Explanation,
+    "proof": ProofFile,
     "recommend": Advice,
 }
 

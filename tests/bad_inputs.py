@@ -267,6 +267,10 @@ _CALLS: Mapping[str, tuple[tuple[str, ...], Mapping[str, str]]] = {
     ),
     "view": ((), {"model": "pendulum"}),
     "certify": (("--quiet",), {"models": "pendulum", "duration": "0.1", "out": "out"}),
+    "prove": (
+        ("--quiet",),
+        {"model": "pendulum", "digits": "3", "until": "0.05", "timeout": "20", "out": "out"},
+    ),
     "data": ((), {"name": "pendulum", "out": "out"}),
     "problems": ((), {"name": "pendulum"}),
     "engines": ((), {"name": "mujoco"}),

@@ -37,8 +37,8 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 64000,
-    "modules": 248,
+    "lines": 66200,
+    "modules": 258,
     "modules with one importer": 55,  # point_masses, which plug-ins import as well
     "public class names used twice": 1,
     "isinstance on elements": 9,

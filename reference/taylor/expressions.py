@@ -140,11 +140,16 @@ class _Vector:
 
 
 class TaylorSystem:
-    """Expressions of a structure: accelerations, stop torques and event functions."""
+    """Expressions of a structure: accelerations, stop torques and event functions.
 
-    def __init__(self, structure: Structure) -> None:
+    Args:
+        structure: sizes, stops, and which numbers are zero.
+        algebra: what makes variables, parameters and functions of them; heyoka if left out.
+    """
+
+    def __init__(self, structure: Structure, algebra: Any = None) -> None:
         self.structure = structure
-        self._hy = heyoka()
+        self._hy = algebra or heyoka()
         names = range(structure.n_q)
         self.q: list[Any] = list(self._hy.make_vars(*(f"q{i}" for i in names), "q_")[:-1])
         self.u: list[Any] = list(self._hy.make_vars(*(f"u{i}" for i in names), "u_")[:-1])
@@ -196,13 +201,35 @@ class TaylorSystem:
             function = active * torque + (1.0 - active)
             if s.closes:
                 watched = par[s.watched.start + k]
-                function = active * torque + watched * self._gap(k) + (1.0 - active - watched)
+                function = active * torque + watched * self.gap(k) + (1.0 - active - watched)
             functions.append(function)
         if s.throws:
-            # The projectile's velocity across the launch direction (`models.launch.lead`).
-            lead = _dot(self._component("lead")[0], self.u)
-            functions.append(par[s.launch] * lead + (1.0 - par[s.launch]))
+            functions.append(par[s.launch] * self.lead + (1.0 - par[s.launch]))
         return functions
+
+    @property
+    def lead(self) -> Any:
+        """The projectile's velocity across the launch direction (`models.launch.lead`) [m/s]."""
+        return _dot(self._component("lead")[0], self.u)
+
+    def gap_speed(self, k: int) -> Any:
+        """Speed of the gap of stop k [rad/s or m/s]."""
+        return _dot(self._constraints[self.structure.n_loops + k][0], self.u)
+
+    def jump(self, restitution: Sequence[float]) -> list[Any]:
+        """Changes of the speeds in an impact of the active stops, then minus the impulses.
+
+        Loops keep their speeds, and each active stop leaves at e times its speed of approach.
+
+        Args:
+            restitution: e of each stop.
+        """
+        s = self.structure
+        right: list[Any] = [None] * (s.n_q + s.n_loops)
+        for k, e in enumerate(restitution):
+            speed = self.gap_speed(k)
+            right.append(_times(self._hy.par[s.active.start + k], _minus(speed + e * speed)))
+        return _solve_ldl(self._kkt[0], right, self._order[0])
 
     @property
     def jacobian(self) -> list[Any]:
@@ -338,7 +365,8 @@ class TaylorSystem:
                 constraints.append(([float(sense) if sense else None for sense in row], None))
         return constraints
 
-    def _gap(self, k: int) -> Any:
+    def gap(self, k: int) -> Any:
+        """Gap of stop k [rad or m]; under the release-once law without its constant."""
         s = self.structure
         row, place = s.gap_rows[k], self._places[s.n_loops + k]
         if isinstance(row, int):

@@ -155,7 +155,7 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
             return senses(function)
         return function.body if isinstance(function, LineFunction) else None
 
-    terms = _force_terms(kinematics)
+    terms = force_terms(kinematics)
     springs = [bool(np.any(s.rest_length) or np.any(s.damping)) for s, _ in terms.springs]
     n_angles = len(problem.mechanism.angles)
     return Structure(
@@ -227,7 +227,7 @@ _TERMS: ElementTable[_AddTerms] = ElementTable(
 )
 
 
-def _force_terms(kinematics: Kinematics) -> _ForceTerms:
+def force_terms(kinematics: Kinematics) -> _ForceTerms:
     """The terms of a mechanism's force elements, from the elements' own numbers."""
     terms = _ForceTerms()
     for element in kinematics.mechanism.force_elements:
@@ -240,7 +240,7 @@ def numbers_of(problem: Problem, kinematics: Kinematics, real: RealType) -> Real
 
     Of stacked machines (:mod:`...models.stacked`) one vector for each, shape (n, n_numbers).
     """
-    mechanism, terms = problem.mechanism, _force_terms(kinematics)
+    mechanism, terms = problem.mechanism, force_terms(kinematics)
     machines, n_q = np.shape(mechanism.gravity), len(kinematics.is_angle)
     masses, centres = kinematics.masses.astype(real), _wide(kinematics.centres, real)
     gaps = [kinematics.gaps[name] for name in relevant_stops(problem)]

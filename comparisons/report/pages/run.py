@@ -10,6 +10,7 @@ import numpy as np
 from ....models.arrays import FloatArray
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import Certificate
+from ...prove import ProofFile
 from ...runs.balance import sampled_balance
 from ...runs.runner import Farthest, horizon_of
 from .. import document as doc
@@ -89,6 +90,25 @@ def certificate_report(certificate: Certificate) -> doc.Document:
     )
     title, window = f"{certificate.model}: {figures}", f"trebucheck certify: {certificate.model}"
     return doc.Document(title, blocks, window, certificate.command)
+
+
+def proof_report(proof: ProofFile) -> doc.Document:
+    """Figures of a proved motion."""
+    rows = [(figure.name, figure.value, figure.radius, figure.unit) for figure in proof.figures]
+    heads = doc.ranked(doc.columns("figure | value | radius | unit"), value=0, radius=0, unit=0)
+    end = "the launch" if proof.until is None else f"{proof.until:.6g} s"
+    caption = f"Figures to {end}: the exact value is within the radius of the value"
+    cost = (
+        f"{proof.steps} steps of {proof.bits} bits in the last trial; all trials took "
+        f"{proof.processor_time:.2g} s of processor time. Proved is the motion of the equations "
+        "with the doubles of the mechanism's file taken exactly; that these are the mechanism's "
+        "equations is shown by independent formulations."
+    )
+    blocks = (doc.table(heads, rows, caption), doc.Note(cost))
+    title = f"{proof.model}: {len(rows)} figures proved to {proof.digits} digits"
+    mechanism = doc.Note(f"Mechanism {proof.mechanism_hash}, stops {proof.stop_law.value}.")
+    window = f"trebucheck prove: {proof.model}"
+    return doc.Document(title, (*blocks, mechanism), window, proof.command or "")
 
 
 def run_report(trajectory: Trajectory, distance: Farthest | str | None = None) -> doc.Document:

@@ -1,0 +1,1 @@
+"""Enclosures of a mechanism's motion in ball arithmetic: every figure with a proved radius."""

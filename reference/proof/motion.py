@@ -1,0 +1,423 @@
+"""A proved motion: from event to event, each proved to be the first and the only one.
+
+What holds between two events is an inequality that balls decide: a closed stop pushes, the gap of
+an open one that may close is positive, the velocity has not come down to the launch angle. Where
+one cannot be decided the motion ends there, and says so: nothing is guessed.
+
+Which stops push after an event is proposed by :mod:`..contact` in doubles, and then proved: of each
+stop that was closed or met, either its torque (impulse) is positive, or it moves off.
+
+Loops of joints and closed stops enter by their accelerations (index 1). What is proved is the
+motion of these equations from the start as its doubles have it, whose loops and closed stops are
+closed to rounding only.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.errors import SimulationError
+from ...models.kinematics import Kinematics, initial_state
+from ...models.problem import Problem, StopLaw
+from ..contact import active_contacts, resolve_impact
+from ..equations import Equations
+from ..taylor.expressions import TaylorSystem
+from ..taylor.numbers import PROJECTILE, relevant_stops, rests_of, structure_of
+from .balls import Ball, arb, exact
+from .events import UndecidedZeroError, Zero, clear_of_start, zeros
+from .numbers import BallGeometry, exact_numbers
+from .steps import NoBoxError, Step, StepMaker
+from .tape import Algebra, Tape
+
+Kind = Literal["release", "impact", "launch"]
+State = tuple[list[Ball], list[Ball]]
+_MOST_EVENTS = 1000  # of a motion; more of them pile up
+
+
+class UndecidedError(SimulationError):
+    """An inequality that balls do not decide, with the bits, steps and time that are allowed."""
+
+    def __init__(self, inequality: str, time: float) -> None:
+        super().__init__(f"not proved: whether {inequality}, at t = {time:.9g} s.")
+        self.inequality = inequality
+        self.time = time  # [s]
+
+    def __reduce__(self) -> tuple[type[UndecidedError], tuple[str, float]]:
+        return UndecidedError, (self.inequality, self.time)
+
+
+class LimitError(SimulationError):
+    """A limit of steps, events or time that a proof has reached."""
+
+
+@dataclass(frozen=True)
+class ProvedEvent:
+    """An event, with the state at its time."""
+
+    kind: Kind
+    name: str
+    """Of the stop, or of the marker that is launched."""
+    time: Ball
+    """[s]"""
+    q: list[Ball]
+    u: list[Ball]
+    """Speeds before it."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of a proof's cost."""
+
+    steps: int = 100_000
+    seconds: float = 600.0
+    """Of processor time [s]."""
+
+
+class _Function(NamedTuple):
+    """A function of the state, whose fall through zero is an event."""
+
+    kind: Kind
+    name: str
+    touches: bool = False
+    """Whether it is a gap that is zero at the start of its phase."""
+
+
+class _System(NamedTuple):
+    """The equations of one set of closed stops."""
+
+    tape: Tape
+    functions: list[_Function]
+
+
+@dataclass
+class Phase:
+    """The motion between two events, under one set of closed stops."""
+
+    start: Ball
+    """[s]"""
+    closed: tuple[str, ...]
+    steps: list[Step] = field(default_factory=list[Step])
+
+    def at(self, t: Ball) -> State:
+        """Enclose q and u at the times of a ball [s], within the phase.
+
+        Raises:
+            ValueError: the phase is over by then.
+        """
+        since, found = t - self.start, list[State]()
+        for step in self.steps:
+            low, high = exact(step.start), exact(step.end)
+            if not (since < low or since > high):
+                found.append(step.at(since - low))
+        if not found:
+            raise ValueError("the phase has not begun, or is over")
+        (q, u), *others = found
+        for more_q, more_u in others:  # the ball lies across the end of a step
+            q = [a.union(b) for a, b in zip(q, more_q, strict=True)]
+            u = [a.union(b) for a, b in zip(u, more_u, strict=True)]
+        return q, u
+
+
+class ProvedMotion:
+    """A problem's motion in balls of the context's precision.
+
+    Args:
+        problem: whose doubles are taken exactly.
+        order: of the Taylor polynomials.
+        remainder: largest of a step, in parts of one [rad, m and per s].
+        limits: of steps and time.
+        progress: called with the time that is proved so far [s].
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        order: int,
+        remainder: float,
+        limits: Limits,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        mechanism = problem.mechanism
+        self.problem = problem
+        self.equations = Equations(mechanism)
+        self.kinematics = Kinematics(mechanism)
+        self.geometry = BallGeometry(mechanism, self.kinematics)
+        self.stops = relevant_stops(problem)
+        numbers = exact_numbers(problem, self.geometry)
+        present = np.array([not number.is_zero() for number in numbers])
+        self.structure = structure_of(problem, self.kinematics, present)
+        self.numbers = [number for number in numbers if not number.is_zero()]
+        self.events: list[ProvedEvent] = []
+        self.phases: list[Phase] = []
+        self.order, self.remainder = order, remainder
+        self._limits, self._progress = limits, progress
+        self._began, self._steps = time.process_time(), 0
+        self._systems: dict[tuple[object, ...], _System] = {}
+        self._rests = rests_of(mechanism)
+
+    def run(self, until: Fraction | None) -> None:
+        """Enclose the motion to a time [s], or to the launch (None), at most to the duration.
+
+        Raises:
+            UndecidedError: an inequality stays undecided.
+            LimitError: a limit is reached.
+        """
+        q, u = initial_state(self.problem.mechanism)
+        state: State = [arb(float(x)) for x in q], [arb(float(x)) for x in u]
+        touching = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
+        end = exact(Fraction(self.problem.duration) if until is None else until)
+        start, closed = arb(0), self._after_touching(arb(0), state, touching)
+        while True:
+            opened = tuple(name for name in touching if name not in closed)
+            phase = Phase(start, closed)
+            self.phases.append(phase)
+            event = self._next_event(phase, state, opened, end)
+            if event is None:
+                return
+            self._note(event)
+            start, state, touching = event.time, (event.q, event.u), closed
+            if event.kind == "launch":
+                if until is None:
+                    return
+            elif event.kind == "release":
+                closed = tuple(name for name in closed if name != event.name)
+            else:
+                touching = tuple(name for name in self.stops if name in (*closed, event.name))
+                state, closed = self._struck(start, state, touching)
+
+    def _note(self, event: ProvedEvent) -> None:
+        self.events.append(event)
+        if len(self.events) > _MOST_EVENTS:
+            raise LimitError(
+                f"not proved: more than {_MOST_EVENTS} events by t = "
+                f"{float(event.time.mid()):.6g} s, which may pile up without an end."
+            )
+
+    def _after_touching(
+        self, start: Ball, state: State, touching: tuple[str, ...]
+    ) -> tuple[str, ...]:
+        """Stops that stay closed of those that touch; the others open, which is noted."""
+        speeds = dict(zip(self.stops, self._gap_speeds(state), strict=True))
+        resting = [name for name in touching if not speeds[name] > 0]
+        closed = active_contacts(self.equations, *_middles(state), resting)
+        for name in touching:
+            if name not in closed:
+                self._note(ProvedEvent("release", name, start, *state))
+        return closed
+
+    # --- impacts
+
+    def _struck(
+        self, start: Ball, state: State, touching: tuple[str, ...]
+    ) -> tuple[State, tuple[str, ...]]:
+        """The state after an impact of the touching stops, and those that stay closed."""
+        mechanism, (q, u) = self.problem.mechanism, state
+        restitution = {name: mechanism.stop(name).restitution for name in self.stops}
+        e: FloatArray = np.array([restitution[name] for name in touching])
+        _, proposed = resolve_impact(self.equations, *_middles(state), touching, e)
+        pushing = tuple(name for name in touching if proposed[name] > 0)
+        system, algebra = self._expressions(pushing)
+        solved = system.jump([restitution[name] for name in self.stops])
+        first = self.structure.n_q + self.structure.n_loops
+        solved = [algebra.expression(x) for x in solved]
+        tape = Tape(algebra, self._names, [*solved[: len(q)], *solved[first:]])
+        changes = tape.values(self.numbers, q, u)
+        impulses = dict(zip(self.stops, changes[len(q) :], strict=True))
+        after: State = q, [x + change for x, change in zip(u, changes, strict=False)]
+        before = dict(zip(self.stops, self._gap_speeds(state), strict=True))
+        speeds = dict(zip(self.stops, self._gap_speeds(after), strict=True))
+        for name in touching:
+            if name in pushing:
+                self._require(-impulses[name] > 0, f"{name!r} pushes in its impact", start)
+            else:
+                parts = speeds[name] + restitution[name] * before[name]
+                self._require(parts > 0, f"{name!r} parts in an impact", start)
+        # A stop without rebound, or one that was closed, stays closed if it pushes.
+        resting = tuple(n for n in touching if n not in pushing or restitution[n] > 0)
+        held = [n for n in touching if n not in resting]
+        return after, active_contacts(self.equations, *_middles(after), held)
+
+    def _gap_speeds(self, state: State) -> list[Ball]:
+        """Speed of each stop's gap."""
+        if not self.stops:
+            return []
+        system, algebra = self._expressions(())
+        speeds = [algebra.expression(system.gap_speed(k)) for k in range(len(self.stops))]
+        return Tape(algebra, self._names, speeds).values(self.numbers, *state)
+
+    def _require(self, proved: bool, inequality: str, t: Ball) -> None:
+        """Raise UndecidedError unless an inequality is proved."""
+        if not proved:
+            raise UndecidedError(inequality, float(t.mid()))
+
+    def forces(self, phase: Phase, state: State) -> tuple[list[Ball], dict[str, Ball]]:
+        """Accelerations, and torques (forces) of the closed stops, in a phase's state."""
+        if not phase.closed:
+            tape = self._system((), (), launches=False).tape
+            return tape.accelerations(self.numbers, *state), {}
+        system, algebra = self._expressions(phase.closed)
+        outputs = [algebra.expression(x) for x in system.solved[: self.structure.n_q]]
+        for k, name in enumerate(self.stops):
+            if name in phase.closed:
+                outputs.append(algebra.expression(system.torques[k]))
+        values = Tape(algebra, self._names, outputs).values(self.numbers, *state)
+        closed = [name for name in self.stops if name in phase.closed]
+        n_q = self.structure.n_q
+        return values[:n_q], dict(zip(closed, values[n_q:], strict=True))
+
+    # --- from event to event
+
+    @property
+    def _names(self) -> list[str]:
+        n = range(self.structure.n_q)
+        return [*(f"q{i}" for i in n), *(f"u{i}" for i in n)]
+
+    def _expressions(self, closed: Sequence[str]) -> tuple[TaylorSystem, Algebra]:
+        """The equations under closed stops, as expressions."""
+        s = self.structure
+        switches = {s.active.start + k: float(n in closed) for k, n in enumerate(self.stops)}
+        algebra = Algebra(switches)
+        return TaylorSystem(s, algebra), algebra
+
+    def _system(self, closed: tuple[str, ...], opened: tuple[str, ...], launches: bool) -> _System:
+        """The equations under closed stops, with the functions whose zeros are events."""
+        key = (closed, opened, launches)
+        if key not in self._systems:
+            system, algebra = self._expressions(closed)
+            watches = self.problem.stop_law is StopLaw.UNILATERAL
+            outputs, functions = list(system.solved[: self.structure.n_q]), list[_Function]()
+            for k, name in enumerate(self.stops):
+                if name in closed:
+                    functions.append(_Function("release", name))
+                    outputs.append(system.torques[k])
+                elif watches or name in opened:
+                    functions.append(_Function("impact", name, touches=name in opened))
+                    outputs.append(system.gap(k))
+            if launches:
+                functions.append(_Function("launch", PROJECTILE))
+                outputs.append(system.lead)
+            made = [algebra.expression(output) for output in outputs]
+            self._systems[key] = _System(Tape(algebra, self._names, made), functions)
+        return self._systems[key]
+
+    def _next_event(
+        self, phase: Phase, state: State, opened: tuple[str, ...], end: Ball
+    ) -> ProvedEvent | None:
+        """Make steps to the first event; None: the end comes first.
+
+        Args:
+            phase: to which the steps are added.
+            state: at its start.
+            opened: stops that touch there and are not closed.
+            end: of the motion [s].
+        """
+        launched = any(event.kind == "launch" for event in self.events)
+        free = self._rests.isdisjoint(phase.closed)
+        launches = self.structure.throws and free and not launched
+        system = self._system(phase.closed, opened, launches)
+        stepper = StepMaker(system.tape, self.numbers, self.order, self.remainder)
+        begin = Fraction(0)
+        last = Fraction(float((end - phase.start).upper())) * (1 + Fraction(1, 2**50))
+        while begin < last:
+            self._count(phase.start + exact(begin))
+            if begin and opened:  # they have parted
+                opened = ()
+                system = self._system(phase.closed, opened, launches)
+                stepper.tape = system.tape
+            now = float(phase.start.mid()) + float(begin)
+            try:
+                step = stepper.step(begin, *state, last - begin)
+            except NoBoxError:
+                raise UndecidedError("accelerations stay finite", now) from None
+            phase.steps.append(step)
+            event = self._first(phase, step, system.functions)
+            if event is not None:
+                return None if event.time > end else event
+            state, begin = step.at(exact(step.length)), step.end
+        return None
+
+    def _count(self, now: Ball) -> None:
+        self._steps += 1
+        spent = time.process_time() - self._began
+        if self._progress is not None:
+            self._progress(float(now.mid()))
+        if self._steps > self._limits.steps:
+            raise LimitError(
+                f"not proved: {self._limits.steps} steps are made by t = {float(now.mid()):.6g} s."
+            )
+        if spent > self._limits.seconds:
+            raise LimitError(
+                "not proved: the limit of processor time is reached at t = "
+                f"{float(now.mid()):.6g} s; a longer one, or fewer digits, may do."
+            )
+
+    def _first(
+        self, phase: Phase, step: Step, functions: Sequence[_Function]
+    ) -> ProvedEvent | None:
+        """The first event of a step; None: there is none."""
+        found: list[tuple[Zero, _Function]] = []
+        for i, function in enumerate(functions):
+            now = float(phase.start.mid()) + float(step.start)
+            try:
+                zero = next(self._falls(i, function, step), None)
+            except UndecidedZeroError as error:
+                what = {
+                    "release": f"{function.name!r} pushes",
+                    "impact": f"{function.name!r} is open",
+                    "launch": f"{function.name!r} is launched",
+                }[function.kind]
+                raise UndecidedError(what, now + float(error.low)) from None
+            if zero is not None:
+                found.append((zero, function))
+        if not found:
+            return None
+        found.sort(key=lambda each: float(each[0].time.mid()))
+        (zero, function), *others = found
+        t = phase.start + exact(step.start) + zero.time
+        for other, second in others:
+            inequality = f"{function.name!r} comes before {second.name!r}"
+            self._require(zero.time < other.time, inequality, t)
+        return ProvedEvent(function.kind, function.name, t, *step.at(zero.time))
+
+    def _falls(self, i: int, function: _Function, step: Step) -> Iterator[Zero]:
+        """Falls of a function through zero that are events, in their order."""
+        model, slope, begin = step.functions[i], step.slopes[i], Fraction(0)
+        at_start = model.coefficients[0]
+        if not step.start:
+            if function.touches:
+                sign, begin = clear_of_start(model, step.length)
+                if sign < 0:
+                    raise UndecidedZeroError(Fraction(0), begin, "f > 0")
+                if self.problem.stop_law is not StopLaw.UNILATERAL:
+                    return
+            elif function.kind == "release" and not at_start > 0:
+                raise UndecidedZeroError(Fraction(0), Fraction(0), "f > 0")
+            elif function.kind == "launch" and at_start.is_zero():
+                _, begin = clear_of_start(model, step.length)
+        for zero in zeros(model, slope, step.length, begin):
+            if zero.falls and (function.kind != "launch" or self._is_launch(step, zero)):
+                yield zero
+
+    def _is_launch(self, step: Step, zero: Zero) -> bool:
+        """Tell whether the velocity points along the launch direction, and not against it."""
+        marker = self.problem.mechanism.marker(PROJECTILE)
+        assert marker is not None
+        row = self.geometry.point(marker.body, marker.point)
+        velocity = self.geometry.velocity(row, *step.at(zero.time))
+        along = velocity.real + velocity.imag  # times the square root of a half
+        if along > 0 or along < 0:
+            return bool(along > 0)
+        raise UndecidedZeroError(step.start, step.end, "speed != 0")
+
+
+def _middles(state: State) -> tuple[FloatArray, FloatArray]:
+    """The middles of a state's balls, in doubles."""
+    q, u = (np.array([float(x.mid()) for x in part]) for part in state)
+    return q, u

@@ -1,0 +1,331 @@
+"""Proofs of motions: figures with radii, to as many digits as are asked for.
+
+Precision is found by trial: a motion is enclosed with so many bits and such remainders that the
+digits would be left if balls did not grow, and again with more where they have grown too wide.
+Every trial is a proof; the last one has the digits.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from fractions import Fraction
+from functools import partial
+from typing import NamedTuple
+
+from ...models.errors import InputError, SimulationError
+from ...models.problem import Problem
+from ...models.shown import Shown
+from ..taylor.numbers import PROJECTILE
+from .balls import Ball, as_decimals, precision, squared, upper
+from .energy import kinetic_energy, potential_energy
+from .motion import Limits, Phase, ProvedMotion, State, UndecidedError
+
+MOST_DIGITS = 200
+_SPARE = 13  # digits beside those asked for, in the first trial
+_MORE = 2  # digits beside those that a trial lacked
+_AGAIN = 8  # digits more after the first trial that leaves something undecided, then twice as many
+_ORDER = 0.75  # of the polynomials, to a digit of the remainder
+_LEAST_ORDER = 14
+_SPARE_BITS = 32
+_UNDECIDED_TRIALS = 3  # with more digits each, before it is said
+_SMALL = 1e-6  # in SI units: digits of less than that are counted from there
+
+
+class Enclosure(NamedTuple):
+    """A proved figure: the exact value is within the radius of the value."""
+
+    value: Decimal
+    radius: Decimal
+
+    def __str__(self) -> str:
+        return f"{self.value} +/- {self.radius}"
+
+    def contains(self, value: Decimal | float) -> bool:
+        """Tell whether a value lies in it."""
+        off = abs(Fraction(value) - Fraction(self.value))
+        return off <= Fraction(self.radius)
+
+
+Time = float | str | Decimal | Fraction
+
+
+class ProvedFigure(NamedTuple):
+    """A figure of a proved motion, with its name and unit."""
+
+    name: str
+    unit: str
+    enclosure: Enclosure
+
+
+@dataclass(frozen=True, repr=False)
+class Proof(Shown):
+    """A proved motion, from the start to its end."""
+
+    motion: ProvedMotion
+    until: Fraction | None
+    """End that was asked for [s]; None: the launch."""
+    digits: int
+    bits: int
+    """Precision of the last trial."""
+    trials: int
+    processor_time: float
+    """Of all trials [s]."""
+
+    @property
+    def problem(self) -> Problem:
+        """What it is of."""
+        return self.motion.problem
+
+    @property
+    def steps(self) -> int:
+        """Steps of the last trial."""
+        return sum(len(phase.steps) for phase in self.motion.phases)
+
+    def headline(self) -> str:
+        """Mechanism, digits and cost."""
+        return (
+            f"Proof of {self.problem.mechanism.name!r}: {self.digits} digits in "
+            f"{self.processor_time:.1f} s, {self.steps} steps of {self.bits} bits"
+        )
+
+    def facts(self) -> Iterator[tuple[str, str]]:
+        """Its figures."""
+        for figure in self.figures:
+            yield figure.name, f"{figure.enclosure} {figure.unit}"
+
+    def release_time(self, stop: str) -> Enclosure | None:
+        """Time at which a stop that was closed first opens [s]; None: it does not.
+
+        Raises:
+            InputError: there is no such stop.
+        """
+        names = [each.name for each in self.problem.mechanism.stops]
+        if stop not in names:
+            raise InputError(f"there is no stop {stop!r} here; there are {names or 'none'}.")
+        for event in self.motion.events:
+            if event.kind == "release" and event.name == stop:
+                return self._enclosed(event.time)
+        return None
+
+    @property
+    def impacts(self) -> tuple[tuple[str, Enclosure], ...]:
+        """Stops that are met, and when [s]."""
+        met = (event for event in self.motion.events if event.kind == "impact")
+        return tuple((event.name, self._enclosed(event.time)) for event in met)
+
+    @property
+    def launch_time(self) -> Enclosure | None:
+        """Time of the launch at 45 degrees [s]; None: it does not come."""
+        launch = self._launch
+        return None if launch is None else self._enclosed(launch[0])
+
+    @property
+    def launch_speed(self) -> Enclosure | None:
+        """Speed of the projectile there [m/s]; None: no launch comes."""
+        launch = self._launch
+        if launch is None:
+            return None
+        marker = self.problem.mechanism.marker(PROJECTILE)
+        assert marker is not None
+        with precision(self.bits):
+            row = self.motion.geometry.point(marker.body, marker.point)
+            velocity = self.motion.geometry.velocity(row, *launch[1])
+            speed = (squared(velocity.real) + squared(velocity.imag)).sqrt()
+        return self._enclosed(speed)
+
+    @property
+    def _launch(self) -> tuple[Ball, State] | None:
+        for event in self.motion.events:
+            if event.kind == "launch":
+                return event.time, (event.q, event.u)
+        return None
+
+    def q(self, t: Time) -> dict[str, Enclosure]:
+        """Coordinates at a time [s] by name [rad or m].
+
+        Args:
+            t: a number is taken exactly, a text as the decimal it says.
+
+        Raises:
+            InputError: the time is outside the proved motion, or at an event.
+        """
+        return self._by_coordinate(self._state(t)[1][0])
+
+    def u(self, t: Time) -> dict[str, Enclosure]:
+        """Speeds at a time [s] by coordinate [rad/s or m/s]; see :meth:`q`."""
+        return self._by_coordinate(self._state(t)[1][1])
+
+    def a(self, t: Time) -> dict[str, Enclosure]:
+        """Accelerations at a time [s] by coordinate [rad/s^2 or m/s^2]; see :meth:`q`."""
+        phase, state = self._state(t)
+        with precision(self.bits):
+            accelerations = self.motion.forces(phase, state)[0]
+        return self._by_coordinate(accelerations)
+
+    def stop_torque(self, stop: str, t: Time) -> Enclosure:
+        """Torque (force) of a stop at a time [N m or N]; see :meth:`q`."""
+        self.release_time(stop)  # refuses another name
+        phase, state = self._state(t)
+        if stop not in phase.closed:
+            return Enclosure(Decimal(0), Decimal(0))
+        with precision(self.bits):
+            return self._enclosed(self.motion.forces(phase, state)[1][stop])
+
+    def marker(self, name: str, t: Time) -> tuple[tuple[Enclosure, ...], tuple[Enclosure, ...]]:
+        """Position [m] and velocity [m/s] of a marker at a time; see :meth:`q`.
+
+        Raises:
+            InputError: as of :meth:`q`, or there is no such marker.
+        """
+        mechanism = self.problem.mechanism
+        marker = mechanism.marker(name)
+        if marker is None:
+            names = [each.name for each in mechanism.markers]
+            raise InputError(f"there is no marker {name!r} here; there are {names or 'none'}.")
+        _, (q, u) = self._state(t)
+        with precision(self.bits):
+            row = self.motion.geometry.point(marker.body, marker.point)
+            at = self.motion.geometry.position(row, q)
+            velocity = self.motion.geometry.velocity(row, q, u)
+            parts = [self._enclosed(x) for x in (at.real, at.imag, velocity.real, velocity.imag)]
+        return (parts[0], parts[1]), (parts[2], parts[3])
+
+    def energy(self, t: Time) -> tuple[Enclosure, Enclosure]:
+        """Kinetic and potential energy at a time [J]; see :meth:`q`."""
+        _, (q, u) = self._state(t)
+        with precision(self.bits):
+            kinetic = kinetic_energy(self.motion.geometry, q, u)
+            potential = potential_energy(self.motion.geometry, q)
+            return self._enclosed(kinetic), self._enclosed(potential)
+
+    @property
+    def figures(self) -> tuple[ProvedFigure, ...]:
+        """Events, the launch, and the state at the end."""
+        figures: list[ProvedFigure] = []
+        for event in self.motion.events:
+            name = f"{event.kind} of {event.name}"
+            figures.append(ProvedFigure(name, "s", self._enclosed(event.time)))
+        speed = self.launch_speed
+        if speed is not None:
+            figures.append(ProvedFigure("launch speed", "m/s", speed))
+        mechanism = self.problem.mechanism
+        end = self._end
+        for k, name in enumerate(mechanism.coordinates):
+            unit = "rad" if k < len(mechanism.angles) else "m"
+            for sign, value, of in (("", end[0][k], unit), ("speed of ", end[1][k], f"{unit}/s")):
+                figures.append(ProvedFigure(f"{sign}{name} at the end", of, self._enclosed(value)))
+        return tuple(figures)
+
+    @property
+    def _end(self) -> State:
+        if self.until is None:
+            launch = self._launch
+            if launch is not None:
+                return launch[1]
+        return self._state(Fraction(self.problem.duration) if self.until is None else self.until)[1]
+
+    def _state(self, t: Time) -> tuple[Phase, State]:
+        try:
+            moment = Fraction(t)
+        except (ValueError, OverflowError):
+            raise InputError(f"t = {t!r} is not a time in seconds.") from None
+        phases = self.motion.phases
+        with precision(self.bits):
+            ball = upper(moment)
+            for k, phase in enumerate(phases):
+                begun = k == 0 or ball > phase.start
+                over = k + 1 < len(phases) and not ball < phases[k + 1].start
+                if moment < 0 or not begun or over:
+                    continue
+                try:
+                    return phase, phase.at(ball)
+                except ValueError:
+                    break
+        raise InputError(
+            f"t = {float(moment):.9g} s is outside the proved motion, or within the radius of an "
+            "event's time."
+        )
+
+    def _by_coordinate(self, values: list[Ball]) -> dict[str, Enclosure]:
+        names = self.problem.mechanism.coordinates
+        return dict(zip(names, map(self._enclosed, values), strict=True))
+
+    def _enclosed(self, ball: Ball) -> Enclosure:
+        return Enclosure(*as_decimals(ball))
+
+    @property
+    def lacking(self) -> int:
+        """Digits that the worst figure lacks."""
+        worst = 0
+        for figure in self.figures:
+            value, spread = (abs(float(x)) for x in figure.enclosure)
+            allowed = max(value, _SMALL) * 10.0**-self.digits
+            if spread > allowed:
+                worst = max(worst, math.ceil(math.log10(spread / allowed)))
+        return worst
+
+
+def prove(
+    problem: Problem,
+    digits: int = 12,
+    until: Time | None = None,
+    *,
+    limits: Limits | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Proof:
+    """Enclose a motion to a time, or to the launch; every figure with so many digits.
+
+    Args:
+        problem: its doubles are taken exactly.
+        digits: of every figure, 1 to 200.
+        until: end [s]; the launch, at most the problem's duration, if left out.
+        limits: of steps and processor time.
+        progress: called with the trial's number and the time that it has proved so far [s].
+
+    Raises:
+        InputError: digits or the end are not valid.
+        UndecidedError: an inequality stays undecided with more and more digits; it is named.
+        SimulationError: a limit is reached.
+    """
+    if not 1 <= digits <= MOST_DIGITS:
+        raise InputError(f"digits = {digits} must be between 1 and {MOST_DIGITS}.")
+    end = None if until is None else _as_end(until)
+    limits, began = limits or Limits(), time.process_time()
+    kept, undecided = digits + _SPARE, 0
+    for trial in range(1, 100):
+        spent = time.process_time() - began
+        left = replace(limits, seconds=max(limits.seconds - spent, 0.0))
+        bits = math.ceil(kept * math.log2(10)) + _SPARE_BITS
+        order = max(_LEAST_ORDER, math.ceil(_ORDER * kept))
+        with precision(bits):
+            show = None if progress is None else partial(progress, trial)
+            motion = ProvedMotion(problem, order, 10.0**-kept, left, show)
+            try:
+                motion.run(end)
+            except UndecidedError:
+                undecided += 1
+                if undecided > _UNDECIDED_TRIALS:
+                    raise
+                kept += _AGAIN * 2 ** (undecided - 1)
+                continue
+        spent = time.process_time() - began
+        proof = Proof(motion, end, digits, bits, trial, spent)
+        lacking = proof.lacking
+        if not lacking:
+            return proof
+        kept += lacking + _MORE
+    raise SimulationError("not proved: the digits are not reached in a hundred trials.")
+
+
+def _as_end(until: Time) -> Fraction:
+    try:
+        end = Fraction(until)
+    except (ValueError, OverflowError):
+        end = Fraction(0)
+    if end <= 0:
+        raise InputError(f"until = {until!r} must be a positive number of seconds.")
+    return end

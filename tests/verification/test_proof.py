@@ -1,0 +1,241 @@
+"""Proved motions against closed forms, against the reference, and against each other."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import flint
+import numpy as np
+import pytest
+import trebucheck as tb
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from trebucheck.models.kinematics import initial_state
+from trebucheck.reference.equations import Equations
+from trebucheck.reference.proof.balls import arb, as_decimals, exact, precision
+from trebucheck.reference.proof.motion import Limits, ProvedMotion
+from trebucheck.reference.proof.numbers import exact_numbers
+from trebucheck.reference.proof.proof import Enclosure, Proof
+from trebucheck.reference.solver import solve
+from trebucheck.reference.taylor.numbers import numbers_of
+
+acb: Any = flint.acb
+
+
+def rod(angle: float, **more: Any) -> tb.Mechanism:
+    """A uniform rod of 1 m and 2 kg on a pin, let go at an angle (clockwise from +x)."""
+    body = tb.Body(name="rod", angle="q", mass=2.0, centre=(0.5, 0.0), inertia=0.125)
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+    )
+    fields = {"gravity": 9.75, "start": (angle,)} | more
+    return tb.Mechanism(name="rod", bodies=(body,), joints=(pin,), **fields)
+
+
+def closed_form(angle: float, t: Fraction) -> Any:
+    """The rod's angle in balls: sin(x/2) = k sn(K - w t), x from the vertical, k = sin(x_0/2)."""
+    # Inertia about the pin 0.125 + 2 * 0.25; moment of the weight 2 * 9.75 * 0.5: all exact.
+    rate = (arb(2 * 9.75 * 0.5) / arb(0.625)).sqrt()
+    k = ((arb(angle) - arb.pi() / 2) / 2).sin()
+    m = k * k
+    # sn(z | m) by theta functions: sn = (t3 / t2) * theta1(v) / theta4(v), v = z / (2 K) of Arb's.
+    quarter = acb(m).elliptic_k().real
+    other = acb(1 - m).elliptic_k().real
+    tau = acb(0, 1) * acb(other) / acb(quarter)
+    z = quarter - rate * arb(flint.fmpq(t.numerator, t.denominator))
+    v = acb(z / (2 * quarter))
+    theta1, _, _, theta4 = v.modular_theta(tau)
+    _, theta2, theta3, _ = acb(0).modular_theta(tau)
+    sn = ((theta3 / theta2) * theta1 / theta4).real
+    return arb.pi() / 2 + 2 * (k * sn).asin()
+
+
+@pytest.mark.parametrize("angle", [0.0, -1.25])
+def test_a_pendulum_is_enclosed_to_forty_digits(angle: float) -> None:
+    proof = tb.prove(rod(angle), digits=40, until=1.25)
+    known = proof.q(1.25)["q"]
+    assert known.radius < Decimal("1e-40")
+    with precision(400):
+        value, radius = as_decimals(closed_form(angle, Fraction(5, 4)))
+    assert radius < Decimal("1e-60")
+    assert known.contains(value)
+    assert not Enclosure(known.value + 3 * known.radius, known.radius).contains(value)
+
+
+def test_energy_is_kept_within_its_radius() -> None:
+    proof = tb.prove(rod(0.5), digits=25, until=2.0)
+    (kinetic, first), (moving, last) = proof.energy(0.0), proof.energy(2.0)
+    assert kinetic.value == 0
+    off = abs(Fraction(first.value) - Fraction(moving.value) - Fraction(last.value))
+    assert off <= sum(map(Fraction, (first.radius, moving.radius, last.radius)))
+    assert last.radius < Decimal("1e-20")
+
+
+def test_the_fixed_machine_is_proved_and_the_reference_is_within_its_uncertainty() -> None:
+    proof, solution = tb.prove("fixed", digits=15), solve(tb.Problem(tb.fixed(), duration=3.0))
+    assert proof.launch_time is not None and proof.launch_speed is not None
+    launch = solution.launch
+    assert launch is not None
+    assert float(proof.launch_time.value) == pytest.approx(launch.time, abs=1e-11)
+    assert float(proof.launch_speed.value) == pytest.approx(launch.speed, rel=1e-11)
+    assert proof.launch_time.radius < Decimal("3e-15")
+    for stop, time in solution.release_times.items():
+        known = proof.release_time(stop)
+        assert (known is None) == (time is None)
+        if known is not None:
+            assert float(known.value) == pytest.approx(time, abs=1e-11)
+    t = 1.3
+    samples = solution.motion(np.array([t]))
+    for found, expected in (
+        (proof.q(t), samples.q),
+        (proof.u(t), samples.u),
+        (proof.a(t), samples.a),
+    ):
+        values = [float(each.value) for each in found.values()]
+        assert values == pytest.approx(expected[0].tolist(), rel=1e-9)
+    stop = "sling rest"
+    torque = float(proof.stop_torque(stop, t).value)
+    assert torque == pytest.approx(samples.stop_torques[stop][0], rel=1e-9)
+    position, velocity = proof.marker("projectile", t)
+    trajectory = solution.trajectory(np.array([t]))
+    marker = trajectory.markers["projectile"]
+    assert [float(x.value) for x in position] == pytest.approx(marker.position[0].tolist())
+    assert [float(x.value) for x in velocity] == pytest.approx(marker.velocity[0].tolist())
+
+
+def _moved(problem: tb.Problem, order: int, digits: int, bits: int, until: Fraction) -> Any:
+    with precision(bits):
+        motion = ProvedMotion(problem, order, 10.0**-digits, Limits(seconds=60.0))
+        motion.run(until)
+        q, u = motion.phases[-1].at(exact(until))
+        return [*(event.time for event in motion.events), *q, *u]
+
+
+@given(
+    st.floats(7.0, 12.0), st.floats(1e3, 4e3), st.floats(-0.2, 0.2), st.floats(0.3, 1.6),
+)  # fmt: skip
+def test_enclosures_of_any_two_settings_intersect(
+    l1: float, mass: float, phi: float, until: float
+) -> None:
+    parameters = tb.TrebuchetParameters(l1=l1, m_cw=mass)
+    machine = tb.fixed(parameters.model_copy(update={"phi0": parameters.phi0 + phi}))
+    problem, end = tb.Problem(machine, duration=5.0), Fraction(until)
+    first = _moved(problem, 12, 12, 90, end)
+    second = _moved(problem, 17, 20, 130, end)
+    assert len(first) == len(second)
+    assert all(a.overlaps(b) for a, b in zip(first, second, strict=True))
+    assert max(float(b.rad()) for b in second) < max(float(a.rad()) for a in first)
+
+
+@pytest.mark.parametrize(
+    "name", ["fixed", "rolling", "squeezer", "slider-crank", "hanging-chain", "catapult"]
+)
+def test_accelerations_enclose_those_of_the_equations(name: str) -> None:
+    """The numbers contain the doubles of the reference; accelerations agree to its rounding."""
+    given_model = tb.model(name) if name in ("fixed", "rolling", "catapult") else tb.problem(name)
+    problem = given_model if isinstance(given_model, tb.Problem) else tb.Problem(given_model)
+    with precision(160):
+        motion = ProvedMotion(problem, 10, 1e-20, Limits())
+        exactly = exact_numbers(problem, motion.geometry)
+        doubles = numbers_of(problem, motion.kinematics, np.float64)
+        scale = max(1.0, float(np.abs(doubles).max()))
+        for ball, number in zip(exactly, doubles, strict=True):
+            assert float(ball) == pytest.approx(number, abs=1e-15 * scale)
+        q, u = initial_state(problem.mechanism)
+        closed = tuple(s.name for s in problem.mechanism.stops if s.closed)
+        tape = motion._system(closed, (), launches=False).tape
+        u = u + 0.0
+        found = tape.accelerations(
+            motion.numbers, [arb(float(x)) for x in q], [arb(float(x)) for x in u]
+        )
+        expected = Equations(problem.mechanism).solve(q, u, closed)[0]
+        largest = max(1.0, float(np.abs(expected).max()))
+        assert [float(x) for x in found] == pytest.approx(expected.tolist(), abs=1e-11 * largest)
+
+
+def wall(restitution: float) -> tb.Mechanism:
+    """The rod falls from level onto a wall below, straight down, where it is vertical."""
+    stop = tb.Stop(
+        name="wall", body="rod", limit=-math.pi / 2, sense=-1, restitution=restitution, closed=False
+    )
+    return rod(0.0, stops=(stop,))
+
+
+def test_an_impact_leaves_with_its_part_of_the_speed() -> None:
+    problem = tb.Problem(wall(0.5), duration=2.0, stop_law=tb.StopLaw.UNILATERAL)
+    proof = tb.prove(problem, digits=15, until=0.75)
+    ((name, time),) = proof.impacts
+    assert name == "wall"
+    motion = proof.motion
+    (event,) = motion.events
+    with precision(proof.bits):
+        before, after = event.u[0], motion.phases[1].steps[0].at(arb(0))[1][0]
+        assert (2 * after + before).contains(0)
+        assert float((2 * after + before).rad()) < 1e-14
+        free = motion.phases[0].at(event.time)[0][0]
+    assert float(free) == pytest.approx(math.pi / 2, abs=1e-15)
+    solution = solve(problem)
+    assert float(time.value) == pytest.approx(solution.impacts[0][0], abs=1e-11)
+    assert float(proof.q(0.75)["q"].value) == pytest.approx(
+        float(solution.motion(np.array([0.75])).q[0, 0]), abs=1e-9
+    )
+
+
+def test_a_plastic_impact_stays_closed_and_pushes() -> None:
+    problem = tb.Problem(wall(0.0), duration=2.0, stop_law=tb.StopLaw.UNILATERAL)
+    proof = tb.prove(problem, digits=10, until=1.0)
+    # The double of pi/2 is 6e-17 less than pi/2: so far from straight down the weight has a moment.
+    torque = proof.stop_torque("wall", 0.9)
+    assert float(torque.value) == pytest.approx(9.75 * math.cos(math.pi / 2), rel=1e-6)
+    tilted = tb.Stop(name="wall", body="rod", limit=-1.0, sense=-1, restitution=0.0, closed=False)
+    problem = tb.Problem(rod(0.0, stops=(tilted,)), duration=2.0, stop_law=tb.StopLaw.UNILATERAL)
+    proof = tb.prove(problem, digits=10, until=1.0)
+    assert proof.motion.phases[-1].closed == ("wall",)
+    torque = proof.stop_torque("wall", 0.9)
+    weight = 2 * 9.75 * 0.5 * math.cos(1.0)
+    assert float(torque.value) == pytest.approx(weight, rel=1e-9)
+
+
+def test_what_cannot_be_proved_is_named() -> None:
+    bouncing = tb.Problem(wall(0.5), duration=60.0, stop_law=tb.StopLaw.UNILATERAL)
+    with pytest.raises(tb.SimulationError):
+        tb.prove(bouncing, digits=5, until=60.0, timeout=2.0)
+    with pytest.raises(tb.InputError, match="digits"):
+        tb.prove("fixed", digits=0)
+    with pytest.raises(tb.InputError, match="until"):
+        tb.prove("fixed", until=-1.0)
+    with pytest.raises(tb.InputError, match="until"):
+        tb.prove(rod(0.0))
+    proof = tb.prove(rod(0.0), digits=5, until=0.1)
+    for asked in (lambda: proof.q(3.0), lambda: proof.q(-1.0), lambda: proof.marker("x", 0.1)):
+        with pytest.raises(tb.InputError):
+            asked()
+    with pytest.raises(tb.InputError):
+        proof.release_time("none")
+
+
+@given(st.integers(-(10**12), 10**12), st.integers(-80, 20), st.integers(-80, -40))
+def test_decimals_enclose_their_ball(mantissa: int, exponent: int, spread: int) -> None:
+    assume(mantissa)
+    with precision(200):
+        middle = Fraction(mantissa) * Fraction(2) ** exponent
+        ball = exact(middle) + arb(0, 2.0**spread)
+        known = Enclosure(*as_decimals(ball))
+        for end in (ball.lower(), ball.upper(), ball.mid()):
+            numerator, power = end.man_exp()
+            value = Fraction(int(numerator)) * Fraction(2) ** int(power)
+            assert abs(value - Fraction(known.value)) <= Fraction(known.radius) * (
+                1 + Fraction(1, 10**9)
+            )
+
+
+def test_the_figures_of_a_proof_are_its_own() -> None:
+    proof = tb.prove("fixed", digits=10)
+    assert isinstance(proof, Proof)
+    names = [figure.name for figure in proof.figures]
+    assert names[:3] == ["release of hanger rest", "release of sling rest", "launch of projectile"]
+    assert not proof.lacking
+    assert repr(proof)
