@@ -171,6 +171,8 @@ _BY_NAME: Mapping[str, Values] = {
     "position": NUMBERS,
     "torque": NUMBERS,
     "release": NUMBERS,
+    "digits": (*WHOLE, "201"),
+    "most_steps": WHOLE,
     "neighbours": WHOLE,
     "tier": _NAME,
     "problem": _NAME,

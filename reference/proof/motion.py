@@ -63,7 +63,7 @@ class ProvedEvent:
 
     kind: Kind
     name: str
-    """Of the stop, or of the marker that is launched."""
+    """Name of the stop, or of the marker that is launched."""
     time: Ball
     """[s]"""
     q: list[Ball]
@@ -77,7 +77,7 @@ class Limits:
 
     steps: int = 100_000
     seconds: float = 600.0
-    """Of processor time [s]."""
+    """Limit of processor time [s]."""
 
 
 class _Function(NamedTuple):

@@ -73,11 +73,11 @@ class Proof(Shown):
     """Precision of the last trial."""
     trials: int
     processor_time: float
-    """Of all trials [s]."""
+    """Processor time of all trials [s]."""
 
     @property
     def problem(self) -> Problem:
-        """What it is of."""
+        """Problem whose motion it is."""
         return self.motion.problem
 
     @property

@@ -55,7 +55,7 @@ class Step:
     """Since the last event [s]."""
     length: Fraction
     state: list[TaylorModel]
-    """Of q, then of u."""
+    """Models of q, then of u."""
     functions: list[TaylorModel]
     slopes: list[TaylorModel]
     """Derivatives of the functions."""

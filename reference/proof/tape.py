@@ -33,7 +33,7 @@ class Expression:
 
     algebra: Algebra
     index: int
-    """Of its operation."""
+    """Place of its operation."""
     number: float | None = None
     """Its value, where that is a plain number."""
 

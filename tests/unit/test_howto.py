@@ -25,6 +25,7 @@ ROWS = (
     "animate",
     "paper",
     "certify",
+    "prove",
     "conform",
     "judge",
 )
