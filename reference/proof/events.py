@@ -81,21 +81,28 @@ def _finest(width: Fraction) -> int:
     return width.numerator.bit_length() - width.denominator.bit_length() - 1
 
 
-def clear_of_start(function: TaylorModel, length: Fraction) -> tuple[int, Fraction]:
+def clear_of_start(function: TaylorModel, length: Fraction, known: int) -> tuple[int, Fraction]:
     """The sign of a function that begins at zero, and a time until which it is proved to have it.
 
-    The first derivative there that has a sign has it over that time; those before it, and the value
-    itself, are zero by what the function stands for.
+    The first derivative there that is not zero has its sign over that time.
+
+    Args:
+        function: its value is zero by what it stands for.
+        length: of the step [s].
+        known: number of derivatives that are zero there, too, by what it stands for.
 
     Raises:
-        UndecidedZeroError: no derivative has a sign, to the precision of the balls.
+        UndecidedZeroError: balls do not tell the sign of the next derivative.
     """
     derivative = function
-    for _ in range(1, len(function.coefficients)):
+    for k in range(1, len(function.coefficients)):
         derivative = derivative.derivative()
-        sign = _sign(derivative.coefficients[0])
+        first = derivative.coefficients[0]
+        sign = _sign(first)
         if not sign:
-            continue
+            if k <= known or first.is_zero():
+                continue
+            break
         until = length
         for _ in range(_HALVINGS):
             if _sign(derivative.at(between(arb(0), exact(until)))) == sign:

@@ -39,6 +39,7 @@ from .tape import Algebra, Tape
 Kind = Literal["release", "impact", "launch"]
 State = tuple[list[Ball], list[Ball]]
 _MOST_EVENTS = 1000  # of a motion; more of them pile up
+_AT_REST = 1e-9  # [rad/s, m/s] gap speeds of the start below this are rounding of its doubles
 
 
 class UndecidedError(SimulationError):
@@ -80,6 +81,13 @@ class Limits:
     """Limit of processor time [s]."""
 
 
+_INEQUALITIES: dict[Kind, str] = {
+    "release": "{!r} pushes",
+    "impact": "{!r} is open",
+    "launch": "{!r} is launched",
+}
+
+
 class _Function(NamedTuple):
     """A function of the state, whose fall through zero is an event."""
 
@@ -103,6 +111,8 @@ class Phase:
     start: Ball
     """[s]"""
     closed: tuple[str, ...]
+    released: str | None = None
+    """The stop whose release it begins with, if it does."""
     steps: list[Step] = field(default_factory=list[Step])
 
     def at(self, t: Ball) -> State:
@@ -173,10 +183,19 @@ class ProvedMotion:
         state: State = [arb(float(x)) for x in q], [arb(float(x)) for x in u]
         touching = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
         end = exact(Fraction(self.problem.duration) if until is None else until)
-        start, closed = arb(0), self._after_touching(arb(0), state, touching)
+        start, closed, released = arb(0), touching, None
+        speeds = dict(zip(self.stops, self._gap_speeds(state), strict=True))
+        met = [name for name in touching if speeds[name] < -_AT_REST]
+        if met:
+            for name in met:
+                self._note(ProvedEvent("impact", name, start, *state))
+            state, closed = self._struck(start, state, touching)
+        else:
+            closed = self._after_touching(start, state, touching)
         while True:
             opened = tuple(name for name in touching if name not in closed)
-            phase = Phase(start, closed)
+            phase = Phase(start, closed, released)
+            released = None
             self.phases.append(phase)
             event = self._next_event(phase, state, opened, end)
             if event is None:
@@ -188,6 +207,7 @@ class ProvedMotion:
                     return
             elif event.kind == "release":
                 closed = tuple(name for name in closed if name != event.name)
+                released = event.name
             else:
                 touching = tuple(name for name in self.stops if name in (*closed, event.name))
                 state, closed = self._struck(start, state, touching)
@@ -205,7 +225,7 @@ class ProvedMotion:
     ) -> tuple[str, ...]:
         """Stops that stay closed of those that touch; the others open, which is noted."""
         speeds = dict(zip(self.stops, self._gap_speeds(state), strict=True))
-        resting = [name for name in touching if not speeds[name] > 0]
+        resting = [name for name in touching if not speeds[name] > _AT_REST]
         closed = active_contacts(self.equations, *_middles(state), resting)
         for name in touching:
             if name not in closed:
@@ -231,6 +251,7 @@ class ProvedMotion:
         changes = tape.values(self.numbers, q, u)
         impulses = dict(zip(self.stops, changes[len(q) :], strict=True))
         after: State = q, [x + change for x, change in zip(u, changes, strict=False)]
+        self._refuse_launch(start, state, after)
         before = dict(zip(self.stops, self._gap_speeds(state), strict=True))
         speeds = dict(zip(self.stops, self._gap_speeds(after), strict=True))
         for name in touching:
@@ -243,6 +264,22 @@ class ProvedMotion:
         resting = tuple(n for n in touching if n not in pushing or restitution[n] > 0)
         held = [n for n in touching if n not in resting]
         return after, active_contacts(self.equations, *_middles(after), held)
+
+    def _refuse_launch(self, t: Ball, before: State, after: State) -> None:
+        """Raise SimulationError if an impact may turn the velocity through the launch direction."""
+        marker = self.problem.mechanism.marker(PROJECTILE)
+        if marker is None or any(event.kind == "launch" for event in self.events):
+            return
+        row = self.geometry.point(marker.body, marker.point)
+        leads: list[Ball] = []
+        for state in (before, after):
+            velocity = self.geometry.velocity(row, *state)
+            leads.append(velocity.imag - velocity.real)
+        if not (leads[0] < 0 or leads[1] > 0):
+            raise SimulationError(
+                f"not proved: the impact at t = {float(t.mid()):.9g} s may turn the projectile's "
+                "velocity through the launch direction."
+            )
 
     def _gap_speeds(self, state: State) -> list[Ball]:
         """Speed of each stop's gap."""
@@ -363,19 +400,23 @@ class ProvedMotion:
     ) -> ProvedEvent | None:
         """The first event of a step; None: there is none."""
         found: list[tuple[Zero, _Function]] = []
+        undecided: list[tuple[UndecidedZeroError, _Function]] = []
         for i, function in enumerate(functions):
-            now = float(phase.start.mid()) + float(step.start)
             try:
-                zero = next(self._falls(i, function, step), None)
+                zero = next(self._falls(phase, i, function, step), None)
             except UndecidedZeroError as error:
-                what = {
-                    "release": f"{function.name!r} pushes",
-                    "impact": f"{function.name!r} is open",
-                    "launch": f"{function.name!r} is launched",
-                }[function.kind]
-                raise UndecidedError(what, now + float(error.low)) from None
+                undecided.append((error, function))
+                continue
             if zero is not None:
                 found.append((zero, function))
+        for error, function in undecided:
+            # What is after an event of this step is not of this motion.
+            if any(zero.time < exact(error.low) for zero, _ in found):
+                continue
+            now = float(phase.start.mid()) + float(step.start)
+            raise UndecidedError(
+                _INEQUALITIES[function.kind].format(function.name), now + float(error.low)
+            )
         if not found:
             return None
         found.sort(key=lambda each: float(each[0].time.mid()))
@@ -386,13 +427,15 @@ class ProvedMotion:
             self._require(zero.time < other.time, inequality, t)
         return ProvedEvent(function.kind, function.name, t, *step.at(zero.time))
 
-    def _falls(self, i: int, function: _Function, step: Step) -> Iterator[Zero]:
+    def _falls(self, phase: Phase, i: int, function: _Function, step: Step) -> Iterator[Zero]:
         """Falls of a function through zero that are events, in their order."""
         model, slope, begin = step.functions[i], step.slopes[i], Fraction(0)
         at_start = model.coefficients[0]
         if not step.start:
             if function.touches:
-                sign, begin = clear_of_start(model, step.length)
+                # A stop opens with a force of zero: its gap has no acceleration either.
+                known = 2 if function.name == phase.released else 1
+                sign, begin = clear_of_start(model, step.length, known)
                 if sign < 0:
                     raise UndecidedZeroError(Fraction(0), begin, "f > 0")
                 if self.problem.stop_law is not StopLaw.UNILATERAL:
@@ -400,7 +443,7 @@ class ProvedMotion:
             elif function.kind == "release" and not at_start > 0:
                 raise UndecidedZeroError(Fraction(0), Fraction(0), "f > 0")
             elif function.kind == "launch" and at_start.is_zero():
-                _, begin = clear_of_start(model, step.length)
+                _, begin = clear_of_start(model, step.length, known=0)
         for zero in zeros(model, slope, step.length, begin):
             if zero.falls and (function.kind != "launch" or self._is_launch(step, zero)):
                 yield zero

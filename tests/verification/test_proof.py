@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from decimal import Decimal
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import flint
@@ -14,6 +15,8 @@ import trebucheck as tb
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from trebucheck.models.kinematics import initial_state
+from trebucheck.reference.certification import certificate as certificates
+from trebucheck.reference.certification.certificate import Certificate, Figure
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.proof.balls import arb, as_decimals, exact, precision
 from trebucheck.reference.proof.motion import Limits, ProvedMotion
@@ -23,6 +26,7 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.numbers import numbers_of
 
 acb: Any = flint.acb
+CERTIFICATES = Path(certificates.__file__).parent / "certificates"
 
 
 def rod(angle: float, **more: Any) -> tb.Mechanism:
@@ -154,6 +158,37 @@ def test_accelerations_enclose_those_of_the_equations(name: str) -> None:
         expected = Equations(problem.mechanism).solve(q, u, closed)[0]
         largest = max(1.0, float(np.abs(expected).max()))
         assert [float(x) for x in found] == pytest.approx(expected.tolist(), abs=1e-11 * largest)
+
+
+def _proved(proof: Proof, figure: Figure) -> Enclosure | None:
+    """The proved value of a certificate's figure; None of what is no figure of the motion."""
+    events = {
+        "launch_time": lambda: proof.launch_time,
+        "launch_speed": lambda: proof.launch_speed,
+        "release_time": lambda: proof.release_time(figure.subject or ""),
+    }
+    if figure.name in events:
+        return events[figure.name]()
+    if figure.time is None:
+        return None
+    if figure.name == "stop_torque":
+        return proof.stop_torque(figure.subject or "", figure.time)
+    axis = {"position_x": 0, "position_y": 1}[figure.name]
+    return proof.marker(figure.subject or "", figure.time)[0][axis]
+
+
+@pytest.mark.parametrize("name", ["fixed", "catapult", "hinged", "floating-arm"])
+def test_certificates_contain_what_is_proved(name: str) -> None:
+    text = (CERTIFICATES / f"{name}.json").read_text(encoding="utf-8")
+    certificate, proof = Certificate.model_validate_json(text), tb.prove(name, digits=14)
+    held = 0
+    for figure in certificate.figures:
+        known = _proved(proof, figure)
+        if known is not None:
+            off = abs(figure.value - float(known.value))
+            assert off <= figure.uncertainty + float(known.radius), figure.label
+            held += 1
+    assert held > 35
 
 
 def wall(restitution: float) -> tb.Mechanism:
