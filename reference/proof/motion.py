@@ -30,7 +30,7 @@ from ..contact import active_contacts, resolve_impact
 from ..equations import Equations
 from ..taylor.expressions import TaylorSystem
 from ..taylor.numbers import PROJECTILE, relevant_stops, rests_of, structure_of
-from .balls import Ball, arb, exact
+from .balls import Ball, arb, exact, upper
 from .events import UndecidedZeroError, Zero, clear_of_start, zeros
 from .numbers import BallGeometry, exact_numbers
 from .steps import NoBoxError, Step, StepMaker
@@ -182,7 +182,7 @@ class ProvedMotion:
         q, u = initial_state(self.problem.mechanism)
         state: State = [arb(float(x)) for x in q], [arb(float(x)) for x in u]
         touching = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
-        end = exact(Fraction(self.problem.duration) if until is None else until)
+        end = upper(Fraction(self.problem.duration) if until is None else until)
         start, closed, released = arb(0), touching, None
         speeds = dict(zip(self.stops, self._gap_speeds(state), strict=True))
         met = [name for name in touching if speeds[name] < -_AT_REST]

@@ -267,6 +267,15 @@ def test_decimals_enclose_their_ball(mantissa: int, exponent: int, spread: int) 
             )
 
 
+def test_a_text_is_the_decimal_that_it_says() -> None:
+    """0.3 as a text is 3/10, which no double is: the motion differs by the speed times 1e-17."""
+    proof = tb.prove(rod(0.0), digits=30, until="0.3")
+    speed = proof.u("0.3")["q"].value
+    by_text, by_double = proof.q("0.3")["q"], proof.q(0.299999999999999988897769753748)["q"]
+    off = (by_text.value - by_double.value) / speed
+    assert float(off) == pytest.approx(float(Fraction("0.3") - Fraction(0.3)), rel=1e-6)
+
+
 def test_the_figures_of_a_proof_are_its_own() -> None:
     proof = tb.prove("fixed", digits=10)
     assert isinstance(proof, Proof)
