@@ -37,8 +37,8 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 66200,
-    "modules": 258,
+    "lines": 66400,
+    "modules": 259,
     "modules with one importer": 55,  # point_masses, which plug-ins import as well
     "public class names used twice": 1,
     "isinstance on elements": 9,

@@ -28,6 +28,7 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.problem import Problem, StopLaw
 from ..contact import active_contacts, resolve_impact
 from ..equations import Equations
+from ..reactions import refuse_dependent
 from ..taylor.expressions import TaylorSystem
 from ..taylor.numbers import PROJECTILE, relevant_stops, rests_of, structure_of
 from .balls import Ball, arb, exact, upper
@@ -102,6 +103,17 @@ class _System(NamedTuple):
 
     tape: Tape
     functions: list[_Function]
+
+
+class SolvedForces(NamedTuple):
+    """Accelerations and the multipliers of constraints in one state."""
+
+    accelerations: list[Ball]
+    """Second derivatives of the coordinates [rad/s^2 or m/s^2]."""
+    loops: list[Ball]
+    """Multipliers of the loop joints' constraints [N or N m]."""
+    torques: dict[str, Ball]
+    """Torques (forces) of the closed stops [N m or N]."""
 
 
 @dataclass
@@ -194,6 +206,7 @@ class ProvedMotion:
             closed = self._after_touching(start, state, touching)
         while True:
             opened = tuple(name for name in touching if name not in closed)
+            refuse_dependent(self.equations, _middles(state)[0], closed, "A proof")
             phase = Phase(start, closed, released)
             released = None
             self.phases.append(phase)
@@ -294,20 +307,15 @@ class ProvedMotion:
         if not proved:
             raise UndecidedError(inequality, float(t.mid()))
 
-    def forces(self, phase: Phase, state: State) -> tuple[list[Ball], dict[str, Ball]]:
-        """Accelerations, and torques (forces) of the closed stops, in a phase's state."""
-        if not phase.closed:
-            tape = self._system((), (), launches=False).tape
-            return tape.accelerations(self.numbers, *state), {}
+    def forces(self, phase: Phase, state: State) -> SolvedForces:
+        """Accelerations, multipliers of loops, and torques (forces) of the closed stops."""
         system, algebra = self._expressions(phase.closed)
-        outputs = [algebra.expression(x) for x in system.solved[: self.structure.n_q]]
-        for k, name in enumerate(self.stops):
-            if name in phase.closed:
-                outputs.append(algebra.expression(system.torques[k]))
+        outputs = [algebra.expression(x) for x in system.solved]
         values = Tape(algebra, self._names, outputs).values(self.numbers, *state)
-        closed = [name for name in self.stops if name in phase.closed]
-        n_q = self.structure.n_q
-        return values[:n_q], dict(zip(closed, values[n_q:], strict=True))
+        n_q, first = self.structure.n_q, self.structure.n_q + self.structure.n_loops
+        torques = dict(zip(self.stops, (-value for value in values[first:]), strict=True))
+        closed = {name: torque for name, torque in torques.items() if name in phase.closed}
+        return SolvedForces(values[:n_q], [-value for value in values[n_q:first]], closed)
 
     # --- from event to event
 

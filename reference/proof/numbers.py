@@ -133,6 +133,29 @@ class BallGeometry:
                 flow.append(acb(u_k))
         return self._weighted(row, flow)
 
+    def acceleration(
+        self, row: PointCoefficients, q: Sequence[Ball], u: Sequence[Ball], a: Sequence[Ball]
+    ) -> Complex:
+        """Its second derivative for accelerations a of the coordinates [m/s^2]."""
+        second, minus_i = list[Complex](), acb(0, -1)
+        turning = dict(self.kinematics.carried)
+        for k, w in enumerate(self._phasors(q)):
+            if self.kinematics.is_angle[k] > 0:
+                second.append(w * (minus_i * a[k] - u[k] * u[k]))
+            elif k in turning:
+                c = turning[k]
+                inward = q[k] * (minus_i * a[c] - u[c] * u[c])
+                turned = (minus_i * q[c]).exp()
+                second.append(turned * (a[k] + 2 * minus_i * u[k] * u[c] + inward))
+            else:
+                second.append(acb(a[k]))
+        return self._weighted(row, second)
+
+    def turned(self, body: str, direction: complex, q: Sequence[Ball]) -> Complex:
+        """A direction of a body's frame (or the ground's) in the world."""
+        index, along = self.attitudes[body][0], self._turned(body, acb(direction))
+        return along if index is None else along * (acb(0, -1) * q[index]).exp()
+
     def _phasors(self, q: Sequence[Ball]) -> Row:
         turning, phasors = dict(self.kinematics.carried), Row()
         for k, q_k in enumerate(q):

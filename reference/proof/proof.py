@@ -23,6 +23,7 @@ from ..taylor.numbers import PROJECTILE
 from .balls import Ball, as_decimals, precision, squared, upper
 from .energy import kinetic_energy, potential_energy
 from .motion import Limits, Phase, ProvedMotion, State, UndecidedError
+from .reactions import joint_reactions
 
 MOST_DIGITS = 200
 _SPARE = 13  # digits beside those asked for, in the first trial
@@ -163,7 +164,7 @@ class Proof(Shown):
         """Accelerations at a time [s] by coordinate [rad/s^2 or m/s^2]; see :meth:`q`."""
         phase, state = self._state(t)
         with precision(self.bits):
-            accelerations = self.motion.forces(phase, state)[0]
+            accelerations = self.motion.forces(phase, state).accelerations
         return self._by_coordinate(accelerations)
 
     def stop_torque(self, stop: str, t: Time) -> Enclosure:
@@ -173,7 +174,22 @@ class Proof(Shown):
         if stop not in phase.closed:
             return Enclosure(Decimal(0), Decimal(0))
         with precision(self.bits):
-            return self._enclosed(self.motion.forces(phase, state)[1][stop])
+            return self._enclosed(self.motion.forces(phase, state).torques[stop])
+
+    def joint_reaction(self, joint: str, t: Time) -> tuple[Enclosure, Enclosure]:
+        """Force on a joint's child at a time, along x and y of the world [N]; see :meth:`q`.
+
+        Raises:
+            InputError: as of :meth:`q`, or there is no such joint.
+        """
+        phase, state = self._state(t)
+        with precision(self.bits):
+            forces = self.motion.forces(phase, state)
+            reactions = joint_reactions(self.motion.geometry, state, forces)
+        if joint not in reactions:
+            raise InputError(f"there is no force of a joint {joint!r}; there are {[*reactions]}.")
+        force = reactions[joint]
+        return self._enclosed(force.real), self._enclosed(force.imag)
 
     def marker(self, name: str, t: Time) -> tuple[tuple[Enclosure, ...], tuple[Enclosure, ...]]:
         """Position [m] and velocity [m/s] of a marker at a time; see :meth:`q`.

@@ -160,6 +160,25 @@ def test_accelerations_enclose_those_of_the_equations(name: str) -> None:
         assert [float(x) for x in found] == pytest.approx(expected.tolist(), abs=1e-11 * largest)
 
 
+@pytest.mark.parametrize(
+    ("name", "until"),
+    [("slider-crank", 0.125), ("squeezer", 2.0**-14), ("stopped-pendulum", 0.25), ("bead", 0.25)],
+)
+def test_forces_of_joints_are_those_of_the_reference(name: str, until: float) -> None:
+    problem = tb.problem(name)
+    proof, solution = tb.prove(problem, digits=10, until=until), solve(problem)
+    reactions = solution.trajectory(np.array([until])).joint_reactions
+    largest = max(float(np.abs(force).max()) for force in reactions.values())
+    for joint, force in reactions.items():
+        found = [float(part.value) for part in proof.joint_reaction(joint, until)]
+        assert found == pytest.approx(force[0].tolist(), abs=1e-9 * largest)
+
+
+def test_dependent_constraints_are_named() -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="not unique"):
+        tb.prove("three-cranks", digits=5)
+
+
 def _proved(proof: Proof, figure: Figure) -> Enclosure | None:
     """The proved value of a certificate's figure; None of what is no figure of the motion."""
     events = {
