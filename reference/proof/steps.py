@@ -23,8 +23,9 @@ from .tape import Series, Tape
 _BOX_BITS = 80  # of boxes, which are wide
 _INFLATIONS = 8  # of a box that the motion may leave, before the step is halved
 _WIDER = 0.1  # by which each is widened
-_SHORTEST = 60  # steps of 2^-60 s are none
-_CLOSER = 0.7  # of the step that the coefficients promise, as the box's are larger
+_SHORTEST = 2.0**-60  # [s]
+_CLOSER = 0.95  # of the step that a remainder promises: the box grows with it
+_MANTISSA = 8  # parts of a power of two that steps are whole numbers of
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,8 @@ class StepMaker:
     numbers: Sequence[Ball]
     order: int
     remainder: float
-    exponent: int = 7
-    """The last step was 2^-exponent [s]."""
+    longest: float = 2.0**-7
+    """The next step is no longer than this [s]."""
 
     def step(self, start: Fraction, q: Sequence[Ball], u: Sequence[Ball], left: Fraction) -> Step:
         """Make a step from a state.
@@ -106,22 +107,23 @@ class StepMaker:
         """
         order = self.order
         state, functions = self.tape.expand(self.numbers, q, u, order)
-        self.exponent = max(self._promised(state), self.exponent - 1)
-        while self.exponent <= _SHORTEST:
-            length = min(Fraction(2) ** -self.exponent, left)
+        self.longest = min(self.longest, self._promised(state))
+        while self.longest >= _SHORTEST:
+            length = min(_dyadic(self.longest), left)
             with precision(_BOX_BITS):
                 box = self._box(q, u, length)
                 if box is None:
-                    self.exponent += 1
+                    self.longest = float(length) / 2
                     continue
                 on_box, of_functions = self.tape.expand(self.numbers, *box, order + 1)
             sizes = [_size(series[-1]) for series in on_box]
             for series, there in zip(functions, of_functions, strict=True):
                 sizes.append(_size(there[-1]) / max(1.0, _size(series[0])))
-            too_large = max(sizes) * float(length) ** (order + 1) / self.remainder
-            if not math.isfinite(too_large) or too_large > 1.0:
-                shorter = math.ceil(math.log2(too_large) / (order + 1)) if too_large < 1e300 else 2
-                self.exponent += max(shorter, 1)
+            # The remainder in parts of that allowed: it goes at least as h^(order + 1).
+            parts = max(sizes) * float(length) ** (order + 1) / self.remainder
+            factor = _CLOSER * parts ** (-1 / (order + 1)) if 0 < parts < math.inf else 0.25
+            self.longest = float(length) * min(max(factor, 0.25), 2.0)
+            if not parts <= 1.0:
                 continue
             models = [TaylorModel(c, b[-1]) for c, b in zip(state, on_box, strict=True)]
             values = [TaylorModel(c, b[-1]) for c, b in zip(functions, of_functions, strict=True)]
@@ -129,16 +131,14 @@ class StepMaker:
             return Step(start, length, models, values, slopes)
         raise NoBoxError
 
-    def _promised(self, state: Sequence[Series]) -> int:
-        """Exponent of the step at which the last coefficients are as small as the remainder."""
-        sizes = [max(_size(series[k]) for series in state) for k in (-1, -2)]
+    def _promised(self, state: Sequence[Series]) -> float:
+        """Step at which the last coefficients are as small as the remainder [s]."""
         longest = math.inf
-        for size, order in zip(sizes, (self.order, self.order - 1), strict=True):
+        for k, order in ((-1, self.order), (-2, self.order - 1)):
+            size = max(_size(series[k]) for series in state)
             if 0 < size < math.inf:
                 longest = min(longest, (self.remainder / size) ** (1 / order))
-        if longest == math.inf:
-            return self.exponent
-        return math.ceil(-math.log2(_CLOSER * longest))
+        return longest
 
     def _box(
         self, q: Sequence[Ball], u: Sequence[Ball], length: Fraction
@@ -167,6 +167,12 @@ class StepMaker:
         if not all(a.is_finite() for a in accelerations):
             return None
         return [v + time * a for v, a in zip(u, accelerations, strict=True)]
+
+
+def _dyadic(value: float) -> Fraction:
+    """The next number below one that is exact in few bits."""
+    mantissa, exponent = math.frexp(value)
+    return Fraction(math.floor(mantissa * _MANTISSA), _MANTISSA) * Fraction(2) ** exponent
 
 
 def _size(ball: Ball) -> float:
