@@ -265,7 +265,7 @@ _ALTERED: dict[str, Callable[[Mechanism], Mechanism | None]] = {
 
 
 def _curves(wrong: tb.Trajectory, runner: Runner) -> list[Any]:
-    curves = curves_of(wrong, runner.solution, runner.end)
+    curves = curves_of(against(wrong, runner.solution, runner.end))
     chosen = slice(0, None, 97)
     parts = [curves.energy[chosen], *(curves.torques[n][chosen] for n in sorted(curves.torques))]
     parts += [axis[chosen] for n in sorted(curves.positions) for axis in curves.positions[n]]
