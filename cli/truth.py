@@ -112,9 +112,8 @@ def prove_command(call: Call) -> bool:
     trebucheck prove double-pendulum --until 2.5
     """
     from ..comparisons.prove import ProofFile, prove
-    from ..comparisons.report import html
     from ..comparisons.report.pages.run import proof_report
-    from ..models.files import refuse_unwritable, write_text
+    from ..models.files import refuse_unwritable
 
     model = call.only_model()
     if call.most_steps < 1:
@@ -131,13 +130,8 @@ def prove_command(call: Call) -> bool:
             progress=lambda trial, t: show(f"trial {trial}: t = {t:.4f} s", 0, 1),
         )
     found = ProofFile.of(proof).made_by(call.command_line)
-    report, path = proof_report(found), call.out / f"{found.model}.json"
-    write_text(path, found.to_json() + "\n")
-    write_text(path.with_suffix(".html"), html.page(report))
-    if call.json:
-        typer.echo(found.to_json())
-    else:
-        output.show(report, call.told, Proof=path, Page=path.with_suffix(".html"))
+    data, page = f"{found.model}.json", f"{found.model}.html"
+    call.publish(data, found.to_json(), proof_report(found), page, "Page")
     return True
 
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from ..models.errors import InputError
 from ..models.library.registry import Model, model_of
-from ..models.problem import LONGEST, Problem, StopLaw
+from ..models.problem import Problem, StopLaw
 from ..models.spec import Real, Spec
 from ..reference.proof.motion import Limits
 from ..reference.proof.proof import Proof, Time
@@ -115,7 +115,5 @@ def prove(
             f"{mechanism.name!r} has no marker {PROJECTILE!r} whose launch ends its motion: an "
             "end is needed, such as until=1.0."
         )
-    if until is not None and isinstance(until, float) and until > LONGEST:
-        raise InputError(f"until = {until:g} s must be at most {LONGEST:g} s.")
     limits = Limits(steps=most_steps, seconds=timeout)
     return prove_problem(problem, digits, until, limits=limits, progress=progress)

@@ -64,10 +64,19 @@ class Kinematics(Phasors):
         return tuple((k, angle) for k, angle in enumerate(angles, start=first) if angle is not None)
 
     @cached_property
+    def attitudes(self) -> dict[str, tuple[int | None, float]]:
+        """Angle that each body and the ground turn with, as :attr:`.mechanism.Tree.attitudes`."""
+        return self.tree.attitudes
+
+    def _origin(self) -> PointCoefficients:
+        """The world's origin, whose numbers are of the kind that all rows have."""
+        shape = (*np.shape(self.mechanism.gravity), len(self.is_angle))
+        return PointCoefficients(0j, np.zeros(shape, dtype=np.complex128))
+
+    @cached_property
     def _frames(self) -> dict[str, PointCoefficients]:
         """The origin of each body's frame, from the ground outwards."""
-        shape = (*np.shape(self.mechanism.gravity), len(self.is_angle))
-        rows = {GROUND: PointCoefficients(0j, np.zeros(shape, dtype=np.complex128))}
+        rows = {GROUND: self._origin()}
         slides = {name: k for k, name in enumerate(self.tree.coordinates)}
         for joint in self.tree.joints:
             at = self._moved(rows[joint.parent], joint.parent, as_complex(joint.parent_point))
@@ -79,12 +88,12 @@ class Kinematics(Phasors):
 
     def _turned(self, body: str, vector: complex) -> complex:
         """A vector of a body's frame, turned by the constant part of the body's angle."""
-        turned = self.tree.attitudes[body][1]
+        turned = self.attitudes[body][1]
         return vector if isinstance(turned, float) and not turned else vector * np.exp(-1j * turned)
 
     def _moved(self, at: PointCoefficients, body: str, arm: complex) -> PointCoefficients:
         """A point at an arm from another one, in a body's frame [m]; coefficients are copied."""
-        index = self.tree.attitudes[body][0]
+        index = self.attitudes[body][0]
         arm = self._turned(body, arm)
         coefficients = at.coefficients.copy()
         if index is None:
@@ -107,7 +116,7 @@ class Kinematics(Phasors):
         """A body's angle, or its angle less that of another one."""
         row, constant = np.zeros(len(self.is_angle)), 0.0
         for name, sign in ((body, 1.0), (other, -1.0)):
-            index, turned = self.tree.attitudes[name]
+            index, turned = self.attitudes[name]
             constant += sign * turned
             if index is not None:
                 row[index] += sign
@@ -118,7 +127,7 @@ class Kinematics(Phasors):
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
         """A vector's component along a direction of a body or the ground, plus a constant [m]."""
-        index, direction = self.tree.attitudes[of][0], self._turned(of, direction)
+        index, direction = self.attitudes[of][0], self._turned(of, direction)
         if index is not None:
             return LineFunction(self, constant, direction, index, vector)
         along = direction.conjugate()
@@ -179,7 +188,7 @@ class Kinematics(Phasors):
         """Inertias about the centres of mass on the angles, 0 on slides [kg m^2], shape (n_q,)."""
         inertias = np.zeros((*np.shape(self.mechanism.gravity), len(self.is_angle)))
         for body in self.mechanism.bodies:
-            index, _ = self.tree.attitudes[body.name]
+            index, _ = self.attitudes[body.name]
             if index is not None:
                 inertias[..., index] += body.inertia
         return inertias
@@ -232,12 +241,16 @@ class Kinematics(Phasors):
             for direction in joint.held_directions:
                 closures.append(self.component(direction, frame, vector))
             if joint.turned_by is not None:
-                angle = self.angle(joint.child, joint.parent)
-                error = angle.value(initial_state(self.mechanism)[0]) - joint.turned_by
-                full_turns = np.round(error / (2 * math.pi)) * 2 * math.pi
-                constant = angle.constant - joint.turned_by - full_turns
-                closures.append(AngleFunction(cast("float", constant), angle.coefficients))
+                closures.append(self._angle_closure(joint.child, joint.parent, joint.turned_by))
         return tuple(closures)
+
+    def _angle_closure(self, child: str, parent: str, turned_by: float) -> AngleFunction:
+        """A child's angle less the parent's and a constant [rad], full turns apart at the start."""
+        angle = self.angle(child, parent)
+        error = angle.value(initial_state(self.mechanism)[0]) - turned_by
+        full_turns = np.round(error / (2 * math.pi)) * 2 * math.pi
+        constant = angle.constant - turned_by - full_turns
+        return AngleFunction(cast("float", constant), angle.coefficients)
 
     def loop_residual(self, q: FloatArray) -> FloatArray:
         """Values of the loop closures [m or rad], shape (..., n_loops)."""

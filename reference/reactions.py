@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..models.arrays import FloatArray
+from ..models.arrays import FloatArray, as_vectors
 from ..models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ..models.errors import UnsupportedProblemError
 from ..models.kinematics import Kinematics
+from ..models.mechanism import Mechanism
 from .equations import Equations
 
 _TAKES_PART = 1e-6  # of the largest component of multipliers that exert no force
@@ -32,29 +33,52 @@ def joint_reactions(
         loop_multipliers: shape (n, n_loops) [N or N m].
         stop_torques: of all stops [N m, N of one on a point], shape (n,).
     """
-    mechanism, left = kinematics.mechanism, dict(needed)
 
-    def act(body: str, other: str, force: FloatArray) -> None:
+    def in_world(body: str, direction: complex) -> FloatArray:
+        return as_vectors(direction_in_world(kinematics, q, body, direction))
+
+    pushes = {name: torque[:, None] for name, torque in stop_torques.items()}
+    multipliers = iter(loop_multipliers.T[:, :, None])
+    return distributed(kinematics.mechanism, needed, multipliers, pushes, in_world)
+
+
+def distributed(
+    mechanism: Mechanism,
+    needed: Mapping[str, Any],
+    multipliers: Iterator[Any],
+    pushes: Mapping[str, Any],
+    in_world: Callable[[str, complex], Any],
+) -> dict[str, Any]:
+    """Force on each joint's child, by Newton's law for its subtree, in any kind of vectors [N].
+
+    Args:
+        mechanism: whose joints and stops act.
+        needed: force that each body's momentum needs beyond gravity and force elements.
+        multipliers: of the loop joints' constraints, in their order [N or N m].
+        pushes: torques of all stops [N m, N of one on a point].
+        in_world: the vector in the world of a direction in the frame of a body, or the ground.
+    """
+    left = dict(needed)
+
+    def act(body: str, other: str, force: Any) -> None:
         """Take a known force on a body, and the opposite one on another, off what they need."""
         for name, sign in ((body, -1.0), (other, 1.0)):
             if name in left:
                 left[name] = left[name] + sign * force
 
-    loops, column = dict[str, FloatArray](), 0
+    loops = dict[str, Any]()
     for joint in mechanism.loop_joints:
         frame = joint.parent if joint.free_directions else GROUND
-        force = np.zeros((len(q), 2))
-        for direction in joint.held_directions:
-            multiplier = loop_multipliers[:, column, None]
-            force = force + multiplier * _in_world(kinematics, q, frame, direction)
-            column += 1
-        column += joint.holds_angle
+        parts = (next(multipliers) * in_world(frame, held) for held in joint.held_directions)
+        force: Any = sum(parts)
+        if joint.holds_angle:
+            next(multipliers)  # a torque
         loops[joint.name] = force
         act(joint.child, joint.parent, force)
     for stop in mechanism.stops:
-        normal = _NORMALS[stop](kinematics, q, stop)
+        normal = _NORMALS[stop](in_world, stop)
         if normal is not None:
-            act(stop.body, stop.relative_to, stop_torques[stop.name][:, None] * normal)
+            act(stop.body, stop.relative_to, pushes[stop.name] * normal)
     joints = mechanism.tree_joints
     for joint in reversed(joints):  # from the tips to the ground
         if joint.parent != GROUND:
@@ -62,22 +86,19 @@ def joint_reactions(
     return {joint.name: left[joint.child] for joint in joints if joint.held_directions} | loops
 
 
-_NORMALS: ElementTable[Callable[[Kinematics, FloatArray, Any], FloatArray | None]] = ElementTable(
+_NORMALS: ElementTable[Callable[[Callable[[str, complex], Any], Any], Any]] = ElementTable(
     "The reference's joint forces",
     STOPS,
     {
-        Stop: lambda kinematics, q, stop: None,  # a torque needs no force of a joint
-        PointStop: lambda kinematics, q, stop: _in_world(
-            kinematics, q, stop.relative_to, complex(*stop.normal)
-        ),
+        Stop: lambda in_world, stop: None,  # a torque needs no force of a joint
+        PointStop: lambda in_world, stop: in_world(stop.relative_to, complex(*stop.normal)),
     },
 )
 
 
-def _in_world(kinematics: Kinematics, q: FloatArray, body: str, direction: complex) -> FloatArray:
-    """A direction of a body's frame (or the ground's) in the world, shape (n, 2)."""
-    turned = direction * np.exp(-1j * kinematics.angle(body).value(q))
-    return np.stack([turned.real, turned.imag], axis=-1)
+def direction_in_world(kinematics: Kinematics, q: Any, body: str, direction: complex) -> Any:
+    """A direction of a body's frame (or the ground's) in the world, x + i y, shape (...,)."""
+    return direction * np.exp(-1j * kinematics.angle(body).value(q))
 
 
 def undetermined_forces(

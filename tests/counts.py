@@ -37,14 +37,14 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 66400,
-    "modules": 259,
-    "modules with one importer": 55,  # point_masses, which plug-ins import as well
+    "lines": 66250,
+    "modules": 258,
+    "modules with one importer": 53,  # point_masses, which plug-ins import as well
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,
     "% of lines over 100": 0.0,
-    "% of docstrings that begin with a preposition": 0.68,
+    "% of docstrings that begin with a preposition": 0.59,
     "comprehensions per 100 statements": 5.8,
     "ternaries per 100 statements": 2.78,
 }

@@ -201,7 +201,7 @@ class ClusterWorker(Worker):
 
 
 class _Key(NamedTuple):
-    """What processes beside a Dask worker are for."""
+    """Purpose of the processes beside a Dask worker."""
 
     token: str  # of a client's cluster
     timeout: float  # of a call [s]

@@ -204,11 +204,20 @@ class AlignedRun:
 
 
 def against(
-    trajectory: Trajectory, solution: Solution, end: float, reference: Trajectory | None = None
+    trajectory: Trajectory,
+    solution: Solution,
+    end: float,
+    reference: Trajectory | None = None,
+    *,
+    scales: Scales | None = None,
+    thrown: str = THROWN,
+    invariants_to: float | None = None,
+    stretching: Stretching | None = None,
 ) -> AlignedRun:
     """Set a trajectory beside the reference, which may be known, from the start to `end` [s]."""
     reference = reference or solution.trajectory(trajectory.t)
-    return AlignedRun(trajectory, reference, solution, end, trajectory.t <= end)
+    compared = (trajectory, reference, solution, end, trajectory.t <= end)
+    return AlignedRun(*compared, thrown, scales, invariants_to, stretching)
 
 
 def points(trajectory: Trajectory) -> dict[str, FloatArray]:
@@ -249,9 +258,11 @@ def measure(
             predicted so long.
         stretching: of the reference motion to that end, for the time of first parting.
     """
-    reference = reference or solution.trajectory(trajectory.t)
-    motions = (trajectory, reference, solution, end, trajectory.t <= end)
-    return metrics_of(AlignedRun(*motions, thrown, scales, invariants_to, stretching))
+    c = against(
+        trajectory, solution, end, reference,
+        scales=scales, thrown=thrown, invariants_to=invariants_to, stretching=stretching,
+    )  # fmt: skip
+    return metrics_of(c)
 
 
 def metrics_of(c: AlignedRun) -> tuple[Metric, ...]:

@@ -35,7 +35,7 @@ from ...models.mechanism import Mechanism
 from ...models.spec import Real, Spec
 from ...models.trajectory import Trajectory
 from ...reference.solver import characteristic_time
-from .metrics import SAME_END, THROWN, AlignedRun, launch_errors, metrics_of, points
+from .metrics import SAME_END, THROWN, AlignedRun, against, launch_errors, metrics_of, points
 from .process import ProcessError, TimeLimitError, Worker, all_in_order
 from .quantities import parse_label
 from .results import (
@@ -227,8 +227,8 @@ def make(
                 distance = np.linalg.norm(position - expected[name], axis=1)[run.t <= end].max()
                 value = float(distance)
                 metrics.append(Metric(name="position_max", subject=name, value=value, unit="m"))
-        compared = (run, reference, runner.solution, end, run.t <= end, thrown, runner.scales)
-        aligned = AlignedRun(*compared)
+        compared = (run, runner.solution, end, reference)
+        aligned = against(*compared, scales=runner.scales, thrown=thrown)
         metrics += metrics_of(aligned)
         kept = curves_of(aligned) if curves else None
     except Exception as error:

@@ -40,8 +40,8 @@ def exact(value: Fraction) -> Ball:
         return arb(flint.fmpq(value.numerator, value.denominator))
 
 
-def upper(value: Fraction) -> Ball:
-    """A ball that contains a number, rounded to the context's precision."""
+def rounded(value: Fraction) -> Ball:
+    """A ball that contains a number, as narrow as the context's precision makes it."""
     return arb(flint.fmpq(value.numerator, value.denominator))
 
 

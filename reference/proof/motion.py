@@ -18,22 +18,24 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
-from ...models.kinematics import Kinematics, initial_state
+from ...models.kinematics import initial_state
 from ...models.problem import Problem, StopLaw
 from ..contact import active_contacts, resolve_impact
 from ..equations import Equations
 from ..reactions import refuse_dependent
 from ..taylor.expressions import TaylorSystem
 from ..taylor.numbers import PROJECTILE, relevant_stops, rests_of, structure_of
-from .balls import Ball, arb, exact, upper
+from .balls import Ball, arb, exact, rounded
 from .events import UndecidedZeroError, Zero, clear_of_start, zeros
-from .numbers import BallGeometry, exact_numbers
+from .mechanics import SolvedForces
+from .numbers import BallKinematics, Complex, as_coordinates, exact_numbers
 from .steps import NoBoxError, Step, StepMaker
 from .tape import Algebra, Tape
 
@@ -105,17 +107,6 @@ class _System(NamedTuple):
     functions: list[_Function]
 
 
-class SolvedForces(NamedTuple):
-    """Accelerations and the multipliers of constraints in one state."""
-
-    accelerations: list[Ball]
-    """Second derivatives of the coordinates [rad/s^2 or m/s^2]."""
-    loops: list[Ball]
-    """Multipliers of the loop joints' constraints [N or N m]."""
-    torques: dict[str, Ball]
-    """Torques (forces) of the closed stops [N m or N]."""
-
-
 @dataclass
 class Phase:
     """The motion between two events, under one set of closed stops."""
@@ -169,10 +160,9 @@ class ProvedMotion:
         mechanism = problem.mechanism
         self.problem = problem
         self.equations = Equations(mechanism)
-        self.kinematics = Kinematics(mechanism)
-        self.geometry = BallGeometry(mechanism, self.kinematics)
+        self.kinematics = BallKinematics(mechanism)
         self.stops = relevant_stops(problem)
-        numbers = exact_numbers(problem, self.geometry)
+        numbers = exact_numbers(problem, self.kinematics)
         present = np.array([not number.is_zero() for number in numbers])
         self.structure = structure_of(problem, self.kinematics, present)
         self.numbers = [number for number in numbers if not number.is_zero()]
@@ -182,6 +172,7 @@ class ProvedMotion:
         self._limits, self._progress = limits, progress
         self._began, self._steps = time.process_time(), 0
         self._systems: dict[tuple[object, ...], _System] = {}
+        self._force_tapes: dict[tuple[str, ...], Tape] = {}
         self._rests = rests_of(mechanism)
 
     def run(self, until: Fraction | None) -> None:
@@ -194,9 +185,9 @@ class ProvedMotion:
         q, u = initial_state(self.problem.mechanism)
         state: State = [arb(float(x)) for x in q], [arb(float(x)) for x in u]
         touching = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
-        end = upper(Fraction(self.problem.duration) if until is None else until)
+        end = rounded(Fraction(self.problem.duration) if until is None else until)
         start, closed, released = arb(0), touching, None
-        speeds = dict(zip(self.stops, self._gap_speeds(state), strict=True))
+        speeds = self._gap_speeds(state)
         met = [name for name in touching if speeds[name] < -_AT_REST]
         if met:
             for name in met:
@@ -237,7 +228,7 @@ class ProvedMotion:
         self, start: Ball, state: State, touching: tuple[str, ...]
     ) -> tuple[str, ...]:
         """Stops that stay closed of those that touch; the others open, which is noted."""
-        speeds = dict(zip(self.stops, self._gap_speeds(state), strict=True))
+        speeds = self._gap_speeds(state)
         resting = [name for name in touching if not speeds[name] > _AT_REST]
         closed = active_contacts(self.equations, *_middles(state), resting)
         for name in touching:
@@ -265,8 +256,8 @@ class ProvedMotion:
         impulses = dict(zip(self.stops, changes[len(q) :], strict=True))
         after: State = q, [x + change for x, change in zip(u, changes, strict=False)]
         self._refuse_launch(start, state, after)
-        before = dict(zip(self.stops, self._gap_speeds(state), strict=True))
-        speeds = dict(zip(self.stops, self._gap_speeds(after), strict=True))
+        before = self._gap_speeds(state)
+        speeds = self._gap_speeds(after)
         for name in touching:
             if name in pushing:
                 self._require(-impulses[name] > 0, f"{name!r} pushes in its impact", start)
@@ -280,13 +271,11 @@ class ProvedMotion:
 
     def _refuse_launch(self, t: Ball, before: State, after: State) -> None:
         """Raise SimulationError if an impact may turn the velocity through the launch direction."""
-        marker = self.problem.mechanism.marker(PROJECTILE)
-        if marker is None or any(event.kind == "launch" for event in self.events):
+        if not self.structure.throws or self.launch is not None:
             return
-        row = self.geometry.point(marker.body, marker.point)
         leads: list[Ball] = []
         for state in (before, after):
-            velocity = self.geometry.velocity(row, *state)
+            velocity = self.projectile_velocity(state)
             leads.append(velocity.imag - velocity.real)
         if not (leads[0] < 0 or leads[1] > 0):
             raise SimulationError(
@@ -294,28 +283,48 @@ class ProvedMotion:
                 "velocity through the launch direction."
             )
 
-    def _gap_speeds(self, state: State) -> list[Ball]:
+    def _gap_speeds(self, state: State) -> dict[str, Ball]:
         """Speed of each stop's gap."""
-        if not self.stops:
-            return []
+        speeds = self._gap_speed_tape.values(self.numbers, *state)
+        return dict(zip(self.stops, speeds, strict=True))
+
+    @cached_property
+    def _gap_speed_tape(self) -> Tape:
         system, algebra = self._expressions(())
         speeds = [algebra.expression(system.gap_speed(k)) for k in range(len(self.stops))]
-        return Tape(algebra, self._names, speeds).values(self.numbers, *state)
+        return Tape(algebra, self._names, speeds)
 
     def _require(self, proved: bool, inequality: str, t: Ball) -> None:
         """Raise UndecidedError unless an inequality is proved."""
         if not proved:
             raise UndecidedError(inequality, float(t.mid()))
 
+    # --- what a state has
+
+    @property
+    def launch(self) -> ProvedEvent | None:
+        """The launch; None: it has not come."""
+        return next((event for event in self.events if event.kind == "launch"), None)
+
+    def projectile_velocity(self, state: State) -> Complex:
+        """Velocity of the projectile, which there must be, x + i y [m/s]."""
+        marker = self.problem.mechanism.marker(PROJECTILE)
+        assert marker is not None
+        q, u = map(as_coordinates, state)
+        return self.kinematics.rate(self.kinematics.point(marker.body, marker.point), q, u)
+
     def forces(self, phase: Phase, state: State) -> SolvedForces:
         """Accelerations, multipliers of loops, and torques (forces) of the closed stops."""
-        system, algebra = self._expressions(phase.closed)
-        outputs = [algebra.expression(x) for x in system.solved]
-        values = Tape(algebra, self._names, outputs).values(self.numbers, *state)
+        if phase.closed not in self._force_tapes:
+            system, algebra = self._expressions(phase.closed)
+            outputs = [algebra.expression(x) for x in system.solved]
+            self._force_tapes[phase.closed] = Tape(algebra, self._names, outputs)
+        values = self._force_tapes[phase.closed].values(self.numbers, *state)
         n_q, first = self.structure.n_q, self.structure.n_q + self.structure.n_loops
         torques = dict(zip(self.stops, (-value for value in values[first:]), strict=True))
         closed = {name: torque for name, torque in torques.items() if name in phase.closed}
-        return SolvedForces(values[:n_q], [-value for value in values[n_q:first]], closed)
+        accelerations = as_coordinates(values[:n_q])
+        return SolvedForces(accelerations, [-value for value in values[n_q:first]], closed)
 
     # --- from event to event
 
@@ -363,9 +372,8 @@ class ProvedMotion:
             opened: stops that touch there and are not closed.
             end: of the motion [s].
         """
-        launched = any(event.kind == "launch" for event in self.events)
         free = self._rests.isdisjoint(phase.closed)
-        launches = self.structure.throws and free and not launched
+        launches = self.structure.throws and free and self.launch is None
         system = self._system(phase.closed, opened, launches)
         stepper = StepMaker(system.tape, self.numbers, self.order, self.remainder)
         begin = Fraction(0)
@@ -458,14 +466,11 @@ class ProvedMotion:
 
     def _is_launch(self, step: Step, zero: Zero) -> bool:
         """Tell whether the velocity points along the launch direction, and not against it."""
-        marker = self.problem.mechanism.marker(PROJECTILE)
-        assert marker is not None
-        row = self.geometry.point(marker.body, marker.point)
-        velocity = self.geometry.velocity(row, *step.at(zero.time))
+        velocity = self.projectile_velocity(step.at(zero.time))
         along = velocity.real + velocity.imag  # times the square root of a half
         if along > 0 or along < 0:
             return bool(along > 0)
-        raise UndecidedZeroError(step.start, step.end, "speed != 0")
+        raise UndecidedZeroError(Fraction(0), step.length, "speed != 0")
 
 
 def _middles(state: State) -> tuple[FloatArray, FloatArray]:

@@ -14,16 +14,15 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ...models.errors import InputError, SimulationError
-from ...models.problem import Problem
+from ...models.problem import LONGEST, Problem
 from ...models.shown import Shown
-from ..taylor.numbers import PROJECTILE
-from .balls import Ball, as_decimals, precision, squared, upper
-from .energy import kinetic_energy, potential_energy
+from .balls import Ball, as_decimals, precision, rounded, squared
+from .mechanics import SolvedForces, joint_reactions, kinetic_energy, potential_energy
 from .motion import Limits, Phase, ProvedMotion, State, UndecidedError
-from .reactions import joint_reactions
+from .numbers import Coordinates, as_coordinates
 
 MOST_DIGITS = 200
 _SPARE = 13  # digits beside those asked for, in the first trial
@@ -121,29 +120,19 @@ class Proof(Shown):
     @property
     def launch_time(self) -> Enclosure | None:
         """Time of the launch at 45 degrees [s]; None: it does not come."""
-        launch = self._launch
-        return None if launch is None else self._enclosed(launch[0])
+        launch = self.motion.launch
+        return None if launch is None else self._enclosed(launch.time)
 
     @property
     def launch_speed(self) -> Enclosure | None:
         """Speed of the projectile there [m/s]; None: no launch comes."""
-        launch = self._launch
+        launch = self.motion.launch
         if launch is None:
             return None
-        marker = self.problem.mechanism.marker(PROJECTILE)
-        assert marker is not None
         with precision(self.bits):
-            row = self.motion.geometry.point(marker.body, marker.point)
-            velocity = self.motion.geometry.velocity(row, *launch[1])
+            velocity = self.motion.projectile_velocity((launch.q, launch.u))
             speed = (squared(velocity.real) + squared(velocity.imag)).sqrt()
         return self._enclosed(speed)
-
-    @property
-    def _launch(self) -> tuple[Ball, State] | None:
-        for event in self.motion.events:
-            if event.kind == "launch":
-                return event.time, (event.q, event.u)
-        return None
 
     def q(self, t: Time) -> dict[str, Enclosure]:
         """Coordinates at a time [s] by name [rad or m].
@@ -162,19 +151,13 @@ class Proof(Shown):
 
     def a(self, t: Time) -> dict[str, Enclosure]:
         """Accelerations at a time [s] by coordinate [rad/s^2 or m/s^2]; see :meth:`q`."""
-        phase, state = self._state(t)
-        with precision(self.bits):
-            accelerations = self.motion.forces(phase, state).accelerations
-        return self._by_coordinate(accelerations)
+        return self._by_coordinate([a.real for a in self._forces(t)[2].accelerations])
 
     def stop_torque(self, stop: str, t: Time) -> Enclosure:
-        """Torque (force) of a stop at a time [N m or N]; see :meth:`q`."""
+        """Torque (force) of a stop at a time, 0 of an open one [N m or N]; see :meth:`q`."""
         self.release_time(stop)  # refuses another name
-        phase, state = self._state(t)
-        if stop not in phase.closed:
-            return Enclosure(Decimal(0), Decimal(0))
-        with precision(self.bits):
-            return self._enclosed(self.motion.forces(phase, state).torques[stop])
+        torque = self._forces(t)[2].torques.get(stop)
+        return Enclosure(Decimal(0), Decimal(0)) if torque is None else self._enclosed(torque)
 
     def joint_reaction(self, joint: str, t: Time) -> tuple[Enclosure, Enclosure]:
         """Force on a joint's child at a time, along x and y of the world [N]; see :meth:`q`.
@@ -182,14 +165,11 @@ class Proof(Shown):
         Raises:
             InputError: as of :meth:`q`, or there is no such joint.
         """
-        phase, state = self._state(t)
         with precision(self.bits):
-            forces = self.motion.forces(phase, state)
-            reactions = joint_reactions(self.motion.geometry, state, forces)
+            reactions = joint_reactions(self.motion.kinematics, *self._forces(t))
         if joint not in reactions:
             raise InputError(f"there is no force of a joint {joint!r}; there are {[*reactions]}.")
-        force = reactions[joint]
-        return self._enclosed(force.real), self._enclosed(force.imag)
+        return self._parts(reactions[joint])
 
     def marker(self, name: str, t: Time) -> tuple[tuple[Enclosure, ...], tuple[Enclosure, ...]]:
         """Position [m] and velocity [m/s] of a marker at a time; see :meth:`q`.
@@ -197,26 +177,35 @@ class Proof(Shown):
         Raises:
             InputError: as of :meth:`q`, or there is no such marker.
         """
-        mechanism = self.problem.mechanism
+        mechanism, kinematics = self.problem.mechanism, self.motion.kinematics
         marker = mechanism.marker(name)
         if marker is None:
             names = [each.name for each in mechanism.markers]
             raise InputError(f"there is no marker {name!r} here; there are {names or 'none'}.")
-        _, (q, u) = self._state(t)
+        q, u = self._coordinates(t)
         with precision(self.bits):
-            row = self.motion.geometry.point(marker.body, marker.point)
-            at = self.motion.geometry.position(row, q)
-            velocity = self.motion.geometry.velocity(row, q, u)
-            parts = [self._enclosed(x) for x in (at.real, at.imag, velocity.real, velocity.imag)]
-        return (parts[0], parts[1]), (parts[2], parts[3])
+            row = kinematics.point(marker.body, marker.point)
+            position, velocity = kinematics.vector(row, q), kinematics.rate(row, q, u)
+        return self._parts(position), self._parts(velocity)
 
     def energy(self, t: Time) -> tuple[Enclosure, Enclosure]:
         """Kinetic and potential energy at a time [J]; see :meth:`q`."""
-        _, (q, u) = self._state(t)
+        q, u = self._coordinates(t)
         with precision(self.bits):
-            kinetic = kinetic_energy(self.motion.geometry, q, u)
-            potential = potential_energy(self.motion.geometry, q)
-            return self._enclosed(kinetic), self._enclosed(potential)
+            kinetic = kinetic_energy(self.motion.kinematics, q, u)
+            potential = potential_energy(self.motion.kinematics, q)
+        return self._enclosed(kinetic), self._enclosed(potential)
+
+    def _coordinates(self, t: Time) -> tuple[Coordinates, Coordinates]:
+        q, u = map(as_coordinates, self._state(t)[1])
+        return q, u
+
+    def _forces(self, t: Time) -> tuple[Coordinates, Coordinates, SolvedForces]:
+        with precision(self.bits):
+            return *self._coordinates(t), self.motion.forces(*self._state(t))
+
+    def _parts(self, vector: Any) -> tuple[Enclosure, Enclosure]:
+        return self._enclosed(vector.real), self._enclosed(vector.imag)
 
     @property
     def figures(self) -> tuple[ProvedFigure, ...]:
@@ -238,20 +227,15 @@ class Proof(Shown):
 
     @property
     def _end(self) -> State:
-        if self.until is None:
-            launch = self._launch
-            if launch is not None:
-                return launch[1]
+        launch = self.motion.launch
+        if self.until is None and launch is not None:
+            return launch.q, launch.u
         return self._state(Fraction(self.problem.duration) if self.until is None else self.until)[1]
 
     def _state(self, t: Time) -> tuple[Phase, State]:
-        try:
-            moment = Fraction(t)
-        except (ValueError, OverflowError):
-            raise InputError(f"t = {t!r} is not a time in seconds.") from None
-        phases = self.motion.phases
+        moment, phases = _seconds("t", t), self.motion.phases
         with precision(self.bits):
-            ball = upper(moment)
+            ball = rounded(moment)
             for k, phase in enumerate(phases):
                 begun = k == 0 or ball > phase.start
                 over = k + 1 < len(phases) and not ball < phases[k + 1].start
@@ -337,11 +321,16 @@ def prove(
     raise SimulationError("not proved: the digits are not reached in a hundred trials.")
 
 
-def _as_end(until: Time) -> Fraction:
+def _seconds(what: str, t: Time) -> Fraction:
+    """A time as it was said, exactly; InputError if it is none."""
     try:
-        end = Fraction(until)
-    except (ValueError, OverflowError):
-        end = Fraction(0)
-    if end <= 0:
-        raise InputError(f"until = {until!r} must be a positive number of seconds.")
+        return Fraction(t)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        raise InputError(f"{what} = {t!r} is not a time in seconds.") from None
+
+
+def _as_end(until: Time) -> Fraction:
+    end = _seconds("until", until)
+    if not 0 < end <= LONGEST:
+        raise InputError(f"until = {until!r} must be positive and at most {LONGEST:g} s.")
     return end

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from .balls import Ball, arb, between, precision, radius, upper
+from .balls import Ball, arb, between, precision, radius, rounded
 from .tape import Series, Tape
 
 _BOX_BITS = 80  # of boxes, which are wide
@@ -144,7 +144,7 @@ class StepMaker:
         self, q: Sequence[Ball], u: Sequence[Ball], length: Fraction
     ) -> tuple[list[Ball], list[Ball]] | None:
         """Coordinates and speeds that the motion does not leave over a step; None: not found."""
-        time = between(arb(0), upper(length))
+        time = between(arb(0), rounded(length))
         speeds = self._reached(q, u, u, time)
         for _ in range(_INFLATIONS):
             if speeds is None:
