@@ -32,6 +32,7 @@ _ORDER = 0.75  # of the polynomials, to a digit of the remainder
 _LEAST_ORDER = 14
 _SPARE_BITS = 32
 _UNDECIDED_TRIALS = 3  # with more digits each, before it is said
+_MOST_ZEROS = 1000  # before or after the point of a time that is said in decimals
 _SMALL = 1e-6  # in SI units: digits of less than that are counted from there
 
 
@@ -201,8 +202,10 @@ class Proof(Shown):
         return q, u
 
     def _forces(self, t: Time) -> tuple[Coordinates, Coordinates, SolvedForces]:
+        phase, state = self._state(t)
+        q, u = map(as_coordinates, state)
         with precision(self.bits):
-            return *self._coordinates(t), self.motion.forces(*self._state(t))
+            return q, u, self.motion.forces(phase, state)
 
     def _parts(self, vector: Any) -> tuple[Enclosure, Enclosure]:
         return self._enclosed(vector.real), self._enclosed(vector.imag)
@@ -246,8 +249,7 @@ class Proof(Shown):
                 except ValueError:
                     break
         raise InputError(
-            f"t = {float(moment):.9g} s is outside the proved motion, or within the radius of an "
-            "event's time."
+            f"t = {t!r} s is outside the proved motion, or within the radius of an event's time."
         )
 
     def _by_coordinate(self, values: list[Ball]) -> dict[str, Enclosure]:
@@ -324,8 +326,11 @@ def prove(
 def _seconds(what: str, t: Time) -> Fraction:
     """A time as it was said, exactly; InputError if it is none."""
     try:
-        return Fraction(t)
-    except (ValueError, OverflowError, ZeroDivisionError):
+        said = Decimal(t) if isinstance(t, str) else t
+        if isinstance(said, Decimal) and abs(said.adjusted()) > _MOST_ZEROS:
+            raise ValueError  # as a fraction it might fill the memory
+        return Fraction(said)
+    except (ValueError, ArithmeticError):
         raise InputError(f"{what} = {t!r} is not a time in seconds.") from None
 
 

@@ -264,6 +264,11 @@ def test_what_cannot_be_proved_is_named() -> None:
     with pytest.raises(tb.InputError, match="until"):
         tb.prove(rod(0.0))
     proof = tb.prove(rod(0.0), digits=5, until=0.1)
+    for end in ("x", "1e999999999", "-1e-999999999", "nan", "inf", math.inf, "1/0"):
+        with pytest.raises(tb.InputError, match="until"):
+            tb.prove(rod(0.0), digits=5, until=end)
+    with pytest.raises(tb.InputError):
+        proof.q("1e400")
     for asked in (lambda: proof.q(3.0), lambda: proof.q(-1.0), lambda: proof.marker("x", 0.1)):
         with pytest.raises(tb.InputError):
             asked()
