@@ -123,6 +123,22 @@ def test_a_tap_opens_a_cell_on_a_phone(page: Any) -> None:
     assert page.locator(CARD).count() == 0
 
 
+def test_in_a_narrow_window_a_click_opens_a_cell_that_the_mouse_has_rested_on(page: Any) -> None:
+    """The card is the lower part of the screen there, and would lie under the mouse."""
+    page.set_viewport_size(PHONE)
+    run = next(run for run in pages.matrix().runs if run.problem == "free-swing")
+    cell = _td(page, run.engine, run.preset, run.problem)
+    cell.scroll_into_view_if_needed()
+    box = cell.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.wait_for_timeout(500)  # longer than pointing takes to open a card elsewhere
+    page.mouse.down()
+    page.mouse.up()
+    page.wait_for_selector(CARD)
+    assert "pinned" in page.locator(CARD).get_attribute("class").split()
+    assert cell.get_attribute("class").split().count("opened") == 1
+
+
 def test_what_is_chosen_is_in_the_address_and_comes_back_with_it(page: Any) -> None:
     page.select_option("[data-control=sort]", "agrees")
     page.select_option("[data-control=show]", "position")

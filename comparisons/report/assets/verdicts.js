@@ -297,8 +297,10 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     }
   }
 
+  const narrow = matchMedia("(max-width: 600px)");
+
   function beside(box) {
-    if (matchMedia("(max-width: 600px)").matches) { // the card is the lower part of the screen
+    if (narrow.matches) { // the card is the lower part of the screen
       card.removeAttribute("style");
       const hidden = box.bottom + 24 - (innerHeight - card.offsetHeight);
       return hidden > 0 && pinned && scrollBy(0, hidden);
@@ -354,8 +356,9 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     const cell = target.closest("[tabindex]");
     if (cell) open(cell, true);
   });
+  // In a narrow window the card would come to lie under the pointer, and a click miss its cell.
   table.addEventListener("pointerover", ({target, pointerType}) => {
-    if (pinned || pointerType !== "mouse") return;
+    if (pinned || pointerType !== "mouse" || narrow.matches) return;
     clearTimeout(timer);
     const cell = target.closest("[tabindex]");
     timer = cell ? setTimeout(() => open(cell), 90) : setTimeout(close, 250);
