@@ -13,8 +13,12 @@ import flint
 Ball = Any
 """A real ball, flint.arb: it contains the exact result of what it was computed from."""
 
+Matrix = Any
+"""A matrix of real balls, flint.arb_mat."""
+
 acb: Any = flint.acb
 arb: Any = flint.arb
+arb_mat: Any = flint.arb_mat
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from .balls import Ball, arb, between, exact
 from .steps import TaylorModel
 
 _HALVINGS = 40  # of a step, before a zero is undecided
+_PARTS = 4  # of a step, on each of which a sign is looked for
 _NEWTON = 60  # iterations at most
 
 
@@ -68,6 +69,15 @@ def zeros(
             raise UndecidedZeroError(low, high, "f != 0 or f' != 0")
         middle = _beside_middle(low, high)
         waiting += [(middle, high, halvings + 1), (low, middle, halvings + 1)]
+
+
+def keeps_sign(function: TaylorModel, length: Fraction) -> bool:
+    """Tell whether a function is proved to have one sign over a step."""
+    signs: set[int] = set()
+    for k in range(_PARTS):
+        part = between(exact(length * k / _PARTS), exact(length * (k + 1) / _PARTS))
+        signs.add(_sign(function.at(part)))
+    return len(signs) == 1 and 0 not in signs
 
 
 def _beside_middle(low: Fraction, high: Fraction) -> Fraction:

@@ -33,10 +33,11 @@ from ..reactions import refuse_dependent
 from ..taylor.expressions import TaylorSystem
 from ..taylor.numbers import PROJECTILE, relevant_stops, rests_of, structure_of
 from .balls import Ball, arb, exact, rounded
-from .events import UndecidedZeroError, Zero, clear_of_start, zeros
+from .events import UndecidedZeroError, Zero, clear_of_start, keeps_sign, zeros
 from .mechanics import SolvedForces
 from .numbers import BallKinematics, Complex, as_coordinates, exact_numbers
-from .steps import NoBoxError, Step, StepMaker
+from .sets import StateSet
+from .steps import NoTubeError, Step, StepMaker
 from .tape import Algebra, Tape
 
 Kind = Literal["release", "impact", "launch"]
@@ -144,7 +145,7 @@ class ProvedMotion:
     Args:
         problem: whose doubles are taken exactly.
         order: of the Taylor polynomials.
-        remainder: largest of a step, in parts of one [rad, m and per s].
+        bits: the remainder of a step is at most 2^-bits [rad, m and per s].
         limits: of steps and time.
         progress: called with the time that is proved so far [s].
     """
@@ -153,7 +154,7 @@ class ProvedMotion:
         self,
         problem: Problem,
         order: int,
-        remainder: float,
+        bits: float,
         limits: Limits,
         progress: Callable[[float], None] | None = None,
     ) -> None:
@@ -168,7 +169,7 @@ class ProvedMotion:
         self.numbers = [number for number in numbers if not number.is_zero()]
         self.events: list[ProvedEvent] = []
         self.phases: list[Phase] = []
-        self.order, self.remainder = order, remainder
+        self.order, self.bits = order, bits
         self._limits, self._progress = limits, progress
         self._began, self._steps = time.process_time(), 0
         self._systems: dict[tuple[object, ...], _System] = {}
@@ -338,7 +339,7 @@ class ProvedMotion:
         s = self.structure
         switches = {s.active.start + k: float(n in closed) for k, n in enumerate(self.stops)}
         algebra = Algebra(switches)
-        return TaylorSystem(s, algebra), algebra
+        return TaylorSystem(s, algebra, algebra.solve), algebra
 
     def _system(self, closed: tuple[str, ...], opened: tuple[str, ...], launches: bool) -> _System:
         """The equations under closed stops, with the functions whose zeros are events."""
@@ -375,8 +376,8 @@ class ProvedMotion:
         free = self._rests.isdisjoint(phase.closed)
         launches = self.structure.throws and free and self.launch is None
         system = self._system(phase.closed, opened, launches)
-        stepper = StepMaker(system.tape, self.numbers, self.order, self.remainder)
-        begin = Fraction(0)
+        stepper = StepMaker(system.tape, self.numbers, self.order, self.bits)
+        begin, states = Fraction(0), StateSet.of([*state[0], *state[1]])
         last = Fraction(float((end - phase.start).upper())) * (1 + Fraction(1, 2**50))
         while begin < last:
             self._count(phase.start + exact(begin))
@@ -386,14 +387,14 @@ class ProvedMotion:
                 stepper.tape = system.tape
             now = float(phase.start.mid()) + float(begin)
             try:
-                step = stepper.step(begin, *state, last - begin)
-            except NoBoxError:
+                step = stepper.step(begin, states, last - begin)
+            except NoTubeError:
                 raise UndecidedError("accelerations stay finite", now) from None
             phase.steps.append(step)
             event = self._first(phase, step, system.functions)
             if event is not None:
                 return None if event.time > end else event
-            state, begin = step.at(exact(step.length)), step.end
+            states, begin = step.reached(), step.end
         return None
 
     def _count(self, now: Ball) -> None:
@@ -445,13 +446,16 @@ class ProvedMotion:
 
     def _falls(self, phase: Phase, i: int, function: _Function, step: Step) -> Iterator[Zero]:
         """Falls of a function through zero that are events, in their order."""
-        model, slope, begin = step.functions[i], step.slopes[i], Fraction(0)
+        model, begin = step.functions[i], Fraction(0)
         at_start = model.coefficients[0]
+        if step.start and keeps_sign(model, step.length):
+            return
+        of_all = step.of_all[i]
         if not step.start:
             if function.touches:
                 # A stop opens with a force of zero: its gap has no acceleration either.
                 known = 2 if function.name == phase.released else 1
-                sign, begin = clear_of_start(model, step.length, known)
+                sign, begin = clear_of_start(of_all, step.length, known)
                 if sign < 0:
                     raise UndecidedZeroError(Fraction(0), begin, "f > 0")
                 if self.problem.stop_law is not StopLaw.UNILATERAL:
@@ -459,8 +463,8 @@ class ProvedMotion:
             elif function.kind == "release" and not at_start > 0:
                 raise UndecidedZeroError(Fraction(0), Fraction(0), "f > 0")
             elif function.kind == "launch" and at_start.is_zero():
-                _, begin = clear_of_start(model, step.length, known=0)
-        for zero in zeros(model, slope, step.length, begin):
+                _, begin = clear_of_start(of_all, step.length, known=0)
+        for zero in zeros(model, of_all.derivative(), step.length, begin):
             if zero.falls and (function.kind != "launch" or self._is_launch(step, zero)):
                 yield zero
 

@@ -25,10 +25,10 @@ from .motion import Limits, Phase, ProvedMotion, State, UndecidedError
 from .numbers import Coordinates, as_coordinates
 
 MOST_DIGITS = 200
-_SPARE = 13  # digits beside those asked for, in the first trial
+_SPARE = 12  # digits beside those asked for, in the first trial
 _MORE = 2  # digits beside those that a trial lacked
 _AGAIN = 8  # digits more after the first trial that leaves something undecided, then twice as many
-_ORDER = 0.75  # of the polynomials, to a digit of the remainder
+_ORDER = 1.1  # of the polynomials, to a digit of the remainder
 _LEAST_ORDER = 14
 _SPARE_BITS = 32
 _UNDECIDED_TRIALS = 3  # with more digits each, before it is said
@@ -305,7 +305,7 @@ def prove(
         order = max(_LEAST_ORDER, math.ceil(_ORDER * kept))
         with precision(bits):
             show = None if progress is None else partial(progress, trial)
-            motion = ProvedMotion(problem, order, 10.0**-kept, left, show)
+            motion = ProvedMotion(problem, order, kept * math.log2(10), left, show)
             try:
                 motion.run(end)
             except UndecidedError:

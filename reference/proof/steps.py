@@ -1,13 +1,22 @@
-"""One step of a proved motion: a box that it does not leave, and a polynomial with a remainder.
+r"""One step of a proved motion: a polynomial with a remainder, and a tube that holds it.
 
-A box Q, U of coordinates and speeds contains the motion over a step [0, h] if Picard's operator
-takes it into itself: q0 + [0, h] U within Q, and u0 + [0, h] a(Q, U) within U. Then the motion is
-its Taylor polynomial of order p at the start, evaluated in balls, plus h^(p+1) times the
-coefficient of order p + 1 on the box (Moore, *Methods and Applications of Interval Analysis*, 1979,
-ch. 8).
+Of the motion x(t) of a set's centre the first coefficients c_0 ... c_p are enclosed, and with them
+the polynomial x~(t) = sum c_k t^k. What it lacks to be a motion begins with t^p:
 
-Balls grow by evaluating polynomials on balls (wrapping). No mean-value form fights that here: bits
-are cheap, and :mod:`.proof` takes as many as are needed.
+    f(x~) - x~' = f_p t^p + r t^(p+1),    |...| <= D t^p    over the step,
+
+as f(x~) and x~' have the coefficients before t^p in common; r is that of :mod:`.remainders`. Around
+x~ lies a tube, a box; as long as a motion is in it,
+
+    |x - x~| <= P (|x_0 - c_0| + D t^(p+1) / (p + 1)),
+
+with P = |d phi / d y| from the tube's Jacobian,
+
+and where that is less than the tube is wide, no motion leaves it (the comparison is that of Neher,
+Jackson and Nedialkov, *On Taylor model based integration of ODEs*, SIAM J. Numer. Anal. 45 (2007)
+236, with a defect in place of a Picard operator). A remainder from the coefficients of motions
+from anywhere in a box (Moore, *Methods and Applications of Interval Analysis*, 1979, ch. 8) would
+be larger, as each of its coefficients is computed from the widths of those before it.
 """
 
 from __future__ import annotations
@@ -16,13 +25,27 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
 
-from .balls import Ball, arb, between, precision, radius, rounded
-from .tape import Series, Tape
+import numpy as np
 
-_BOX_BITS = 80  # of boxes, which are wide
-_INFLATIONS = 8  # of a box that the motion may leave, before the step is halved
-_WIDER = 0.1  # by which each is widened
+from ...models.arrays import FloatArray
+from .balls import Ball, Matrix, arb, arb_mat, between, exact, precision
+from .gradients import gradients
+from .remainders import Remainders, remainders
+from .sets import BITS, StateSet, alike, flow_derivative, identity, widths
+from .tape import Expansion, Series, Tape
+
+_CHANGE = 0.05  # growth over a part of a step that its Jacobian's width adds
+_MOST_HALVINGS = 6  # of a step into such parts
+_WIDER = 0.01  # a tube about a polynomial's values, in parts of their radius
+_LEAST_ROOM = 1e-9  # and in parts of the values
+_MORE = 4  # and in radii of the start
+_LEAST_FACTOR = 0.25  # of steps
+_LEAST = 1e-30  # [rad, m and per s] and at least
+_LONGEST = 10  # logarithm of the longest step [s]
 _SHORTEST = 2.0**-60  # [s]
 _CLOSER = 0.95  # of the step that a remainder promises: the box grows with it
 _MANTISSA = 8  # parts of a power of two that steps are whole numbers of
@@ -50,16 +73,25 @@ class TaylorModel:
 
 @dataclass(frozen=True)
 class Step:
-    """A step of a motion and of functions of its state."""
+    """A step of the motions of a set of states, and of functions of them."""
 
     start: Fraction
     """Since the last event [s]."""
     length: Fraction
-    state: list[TaylorModel]
-    """Models of q, then of u."""
-    functions: list[TaylorModel]
-    slopes: list[TaylorModel]
-    """Derivatives of the functions."""
+    states: StateSet
+    """At the start."""
+    box: Sequence[Ball]
+    """Which no motion leaves."""
+    apart: Sequence[Ball]
+    """Bounds of how far other motions are from that of the set's centre."""
+    system: Tape
+    numbers: Sequence[Ball]
+    slopes: Sequence[Sequence[Ball]]
+    """Derivatives of the accelerations, then the functions, by the state, over the box."""
+    motion: Sequence[TaylorModel]
+    """Models of q, then of u, of the motion of the set's centre."""
+    functions: Sequence[TaylorModel]
+    """Models of the functions, which enclose those of all motions."""
 
     @property
     def end(self) -> Fraction:
@@ -68,12 +100,69 @@ class Step:
 
     def at(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
         """Coordinates and speeds at a time since the step's start [s]."""
-        values = [model.at(t) for model in self.state]
+        with precision(BITS):
+            derivative = flow_derivative(self._jacobian, t, self._sizes)
+            off = widths(derivative * self.states.basis, self.states.spread)
+        values = [model.at(t) + arb(0, w) for model, w in zip(self.motion, off, strict=True)]
         return values[: len(values) // 2], values[len(values) // 2 :]
 
+    def reached(self) -> StateSet:
+        """The states at its end."""
+        with precision(BITS):
+            parts = 1 << min(_MOST_HALVINGS, max(0, math.ceil(math.log2(self._change / _CHANGE))))
+            ends = [exact(self.length * k / parts) for k in range(parts + 1)]
+            derivative = identity(len(self.motion))
+            for begin, end in pairwise(ends):
+                inside = self._inside(between(begin, end))
+                jacobian = state_jacobian(gradients(self.system, self.numbers, *inside))
+                flow = flow_derivative(jacobian, end - begin, self._sizes)
+                derivative = flow * derivative
+        reached = [model.at(exact(self.length)) for model in self.motion]
+        return self.states.moved(reached, derivative, self._sizes)
 
-class NoBoxError(Exception):
-    """No box was found that the motion does not leave, however short the step."""
+    @property
+    def _change(self) -> float:
+        """Growth that the Jacobian's change over the step may be taken for; positive."""
+        rates = np.array([[float(x.rad()) for x in row] for row in self._jacobian.tolist()])
+        growth = np.max(rates @ self._sizes / self._sizes)
+        return float(growth) * float(self.length) + _CHANGE
+
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        return alike(self._jacobian)
+
+    @cached_property
+    def _jacobian(self) -> Matrix:
+        return state_jacobian(self.slopes)
+
+    def _inside(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
+        """Enclose all motions over a part of the step."""
+        values = [m.at(t) + arb(0, w) for m, w in zip(self.motion, self.apart, strict=True)]
+        kept = [x.intersection(b) for x, b in zip(values, self.box, strict=True)]
+        return kept[: len(kept) // 2], kept[len(kept) // 2 :]
+
+    @cached_property
+    def of_all(self) -> list[TaylorModel]:
+        """Models of the functions, each coefficient and remainder of which holds for all motions.
+
+        They are not finite where the polynomial of a motion may leave the box.
+        """
+        order = len(self.motion[0].coefficients) - 1
+        around = self.states.box()
+        half = len(around) // 2
+        expansion = self.system.expand(self.numbers, around[:half], around[half:], order)
+        with precision(BITS):
+            over = remainders(expansion, exact(self.length))
+            time = between(arb(0), exact(self.length))
+            flow = flow_derivative(self._jacobian, time, self._sizes)
+            _, left = _left_out(expansion, over, flow, self.slopes, exact(self.length))
+            if not all(b.contains(x) for b, x in zip(self.box, over.state, strict=True)):
+                left = [arb.nan()] * len(left)
+        return [TaylorModel(expansion.output(half + i), r) for i, r in enumerate(left)]
+
+
+class NoTubeError(Exception):
+    """No tube was found that the motion does not leave, however short the step."""
 
 
 @dataclass
@@ -84,89 +173,169 @@ class StepMaker:
         tape: accelerations and functions.
         numbers: of the mechanism.
         order: of the polynomials.
-        remainder: largest that a step may have, in parts of one [rad, m and per s].
+        bits: the remainder of a step is at most 2^-bits [rad, m and per s].
     """
 
     tape: Tape
     numbers: Sequence[Ball]
     order: int
-    remainder: float
+    bits: float
     longest: float = 2.0**-7
     """The next step is no longer than this [s]."""
 
-    def step(self, start: Fraction, q: Sequence[Ball], u: Sequence[Ball], left: Fraction) -> Step:
-        """Make a step from a state.
+    def step(self, start: Fraction, states: StateSet, left: Fraction) -> Step:
+        """Make a step from a set of states.
 
         Args:
             start: since the last event [s].
-            q, u: the state.
+            states: at the step's start.
             left: longest that the step may be [s].
 
         Raises:
-            NoBoxError: no step is short enough.
+            NoTubeError: no step is short enough.
         """
-        order = self.order
-        state, functions = self.tape.expand(self.numbers, q, u, order)
-        self.longest = min(self.longest, self._promised(state))
+        order, n_q = self.order, self.tape.n_q
+        centre = list(states.centre)
+        expansion = self.tape.expand(self.numbers, centre[:n_q], centre[n_q:], order)
+        functions = [expansion.output(i) for i in range(n_q, len(expansion.outputs))]
+        self.longest = min(self.longest, self._promised(expansion.state))
         while self.longest >= _SHORTEST:
             length = min(_dyadic(self.longest), left)
-            with precision(_BOX_BITS):
-                box = self._box(q, u, length)
-                if box is None:
-                    self.longest = float(length) / 2
-                    continue
-                on_box, of_functions = self.tape.expand(self.numbers, *box, order + 1)
-            sizes = [_size(series[-1]) for series in on_box]
-            for series, there in zip(functions, of_functions, strict=True):
-                sizes.append(_size(there[-1]) / max(1.0, _size(series[0])))
-            # The remainder in parts of that allowed: it goes at least as h^(order + 1).
-            parts = max(sizes) * float(length) ** (order + 1) / self.remainder
-            factor = _CLOSER * parts ** (-1 / (order + 1)) if 0 < parts < math.inf else 0.25
-            self.longest = float(length) * min(max(factor, 0.25), 2.0)
-            if not parts <= 1.0:
+            with precision(BITS):
+                tube = self._tube(states, expansion, exact(length))
+            if tube is None:
+                self.longest = float(length) / 2
                 continue
-            models = [TaylorModel(c, b[-1]) for c, b in zip(state, on_box, strict=True)]
-            values = [TaylorModel(c, b[-1]) for c, b in zip(functions, of_functions, strict=True)]
-            slopes = [model.derivative() for model in values]
-            return Step(start, length, models, values, slopes)
-        raise NoBoxError
+            sizes = [_log_size(r) for r in tube.remainders]
+            for series, r in zip(functions, tube.of_functions, strict=True):
+                sizes.append(_log_size(r) - max(0.0, _log_size(series[0])))
+            # The logarithm of the remainder in parts of that allowed, which goes at least as
+            # h^(order + 1).
+            excess = max(sizes) + (order + 1) * math.log2(length) + self.bits
+            self.longest = float(length) * _factor(excess / (order + 1))
+            if not excess <= 0.0:
+                continue
+            return Step(
+                start=start,
+                length=length,
+                states=states,
+                box=tube.box,
+                apart=tube.apart,
+                system=self.tape,
+                numbers=self.numbers,
+                slopes=tube.slopes,
+                motion=list(map(TaylorModel, expansion.state, tube.remainders)),
+                functions=[
+                    TaylorModel([c[0] + arb(0, w), *c[1:]], r)
+                    for c, w, r in zip(functions, tube.off, tube.of_functions, strict=True)
+                ],
+            )
+        raise NoTubeError
 
     def _promised(self, state: Sequence[Series]) -> float:
         """Step at which the last coefficients are as small as the remainder [s]."""
         longest = math.inf
         for k, order in ((-1, self.order), (-2, self.order - 1)):
-            size = max(_size(series[k]) for series in state)
-            if 0 < size < math.inf:
-                longest = min(longest, (self.remainder / size) ** (1 / order))
-        return longest
+            size = max(_log_size(series[k]) for series in state)
+            if abs(size) < math.inf:
+                longest = min(longest, -(self.bits + size) / order)
+        return 2.0 ** min(longest, _LONGEST)
 
-    def _box(
-        self, q: Sequence[Ball], u: Sequence[Ball], length: Fraction
-    ) -> tuple[list[Ball], list[Ball]] | None:
-        """Coordinates and speeds that the motion does not leave over a step; None: not found."""
-        time = between(arb(0), rounded(length))
-        speeds = self._reached(q, u, u, time)
-        for _ in range(_INFLATIONS):
-            if speeds is None:
-                return None
-            wider = [_widened(v) for v in speeds]
-            reached = self._reached(q, u, wider, time)
-            if reached is None:
-                return None
-            if all(w.contains(r) for w, r in zip(wider, reached, strict=True)):
-                return [x + time * v for x, v in zip(q, reached, strict=True)], reached
-            speeds = [between(w, r) for w, r in zip(wider, reached, strict=True)]
-        return None
+    def _tube(self, states: StateSet, expansion: Expansion, length: Ball) -> _Tube | None:
+        """A tube that no motion leaves over a step; None: this one is not shown to be one.
 
-    def _reached(
-        self, q: Sequence[Ball], u: Sequence[Ball], speeds: Sequence[Ball], time: Ball
-    ) -> list[Ball] | None:
-        """Speeds that Picard's operator makes of some; None where accelerations are not finite."""
-        positions = [x + time * v for x, v in zip(q, speeds, strict=True)]
-        accelerations = self.tape.accelerations(self.numbers, positions, speeds)
-        if not all(a.is_finite() for a in accelerations):
+        Args:
+            states: at the step's start.
+            expansion: of the motion of their centre.
+            length: of the step [s].
+        """
+        n_q = self.tape.n_q
+        over = remainders(expansion, length)
+        room = [_room(c, x) for c, x in zip(over.state, states.box(), strict=True)]
+        box = [c + arb(0, w) for c, w in zip(over.state, room, strict=True)]
+        slopes = gradients(self.tape, self.numbers, box[:n_q], box[n_q:])
+        known = (*over.outputs, *(x for row in slopes for x in row))
+        if not all(x.is_finite() for x in known):
             return None
-        return [v + time * a for v, a in zip(u, accelerations, strict=True)]
+        jacobian = state_jacobian(slopes)
+        flow = flow_derivative(jacobian, between(arb(0), length), alike(jacobian))
+        grown, of_functions = _left_out(expansion, over, flow, slopes, length)
+        apart = widths(flow * states.basis, states.spread)
+        power = length ** (self.order + 1)
+        for w, r, off in zip(room, grown, apart, strict=True):
+            if not off + r.abs_upper() * power < w:
+                return None
+        off = list[Ball]()
+        if of_functions:
+            off = widths(arb_mat(slopes[n_q:]) * flow * states.basis, states.spread)
+        return _Tube(box, slopes, grown, of_functions, apart, off)
+
+
+def _left_out(
+    expansion: Expansion,
+    over: Remainders,
+    flow: Matrix,
+    slopes: Sequence[Sequence[Ball]],
+    length: Ball,
+) -> tuple[list[Ball], list[Ball]]:
+    """What motions and functions have beside their polynomials, in parts of t^(p+1).
+
+    Args:
+        expansion, over: of the motion, and what its polynomial has along it.
+        flow, slopes: derivatives over a tube with the motion and its polynomial.
+        length: of the step [s].
+    """
+    n_q = len(expansion.state) // 2
+    order = len(expansion.state[0]) - 1
+    # q~' has not the last coefficient of u~, nor u~' that of the accelerations.
+    defect = [series[order].abs_upper() for series in expansion.state[n_q:]]
+    for i, r in enumerate(over.outputs[:n_q]):
+        last = expansion.output(i)[order].abs_upper()
+        defect.append((last + length * r.abs_upper()).upper())
+    grown = [arb(0, (x / (order + 1)).upper()) for x in widths(flow, defect)]
+    of_functions: list[Ball] = []
+    for row, along in zip(slopes[n_q:], over.outputs[n_q:], strict=True):
+        total: Ball = along
+        for slope, r in zip(row, grown, strict=True):
+            total = total + slope * r
+        of_functions.append(total)
+    return grown, of_functions
+
+
+class _Tube(NamedTuple):
+    """A box that no motion leaves over a step, and what follows."""
+
+    box: list[Ball]
+    slopes: list[list[Ball]]
+    """Derivatives of the accelerations, then the functions, by the state, in the box."""
+    remainders: list[Ball]
+    """Of q and u, in parts of t^(p+1)."""
+    of_functions: list[Ball]
+    """Those of the functions."""
+    apart: list[Ball]
+    """Bounds of how far other motions are from that of the set's centre."""
+    off: list[Ball]
+    """And of their functions."""
+
+
+def _room(over: Ball, start: Ball) -> Ball:
+    """Half the width of a tube around a polynomial's values over a step, and those at its start."""
+    wider = over.rad() * _WIDER + over.abs_upper() * _LEAST_ROOM + start.rad() * _MORE + _LEAST
+    return wider.upper()
+
+
+def _factor(excess: float) -> float:
+    """Change of the step for a remainder of 2^excess in parts of that allowed, an order each."""
+    if not excess < math.inf:
+        return _LEAST_FACTOR
+    return min(max(_CLOSER * 2.0 ** min(-excess, 2.0), _LEAST_FACTOR), 2.0)
+
+
+def state_jacobian(slopes: Sequence[Sequence[Ball]]) -> Matrix:
+    """Jacobian of the rates of q and u by the state, from the derivatives of the accelerations."""
+    n = len(slopes[0])
+    rates = [[int(j == i + n // 2) for j in range(n)] for i in range(n // 2)]
+    return arb_mat([*rates, *slopes[: n // 2]])
 
 
 def _dyadic(value: float) -> Fraction:
@@ -175,12 +344,9 @@ def _dyadic(value: float) -> Fraction:
     return Fraction(math.floor(mantissa * _MANTISSA), _MANTISSA) * Fraction(2) ** exponent
 
 
-def _size(ball: Ball) -> float:
-    """An upper bound of the absolute values in a ball; infinite where it is not finite."""
-    return float(ball.abs_upper()) if ball.is_finite() else math.inf
-
-
-def _widened(ball: Ball) -> Ball:
-    """A ball with the same middle, and a radius that is larger than its own."""
-    more = radius(ball) * _WIDER + 1e-30 * (1.0 + _size(ball))
-    return ball + arb(0, more)
+def _log_size(ball: Ball) -> float:
+    """Logarithm to base 2 of an upper bound of the absolute values in a ball."""
+    if not ball.is_finite():
+        return math.inf
+    mantissa, exponent = ball.abs_upper().man_exp()
+    return math.log2(int(mantissa)) + int(exponent) if mantissa else -math.inf

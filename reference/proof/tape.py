@@ -6,6 +6,7 @@ those of its arguments up to the same order (Moore, *Methods and Applications of
 1979, ch. 3):
 
     (x y)_k = sum_i x_i y_(k-i)             (x / y)_k = (x_k - sum_(i<k) (x/y)_i y_(k-i)) / y_0
+    (K^-1 r)_k = K_0^-1 (r_k - sum_(i>0) K_i (K^-1 r)_(k-i))
     (sin x)_k = (1/k) sum_j j x_j (cos x)_(k-j)     (cos x)_k = -(1/k) sum_j j x_j (sin x)_(k-j)
 
 and the next coefficient of the motion follows from the accelerations': u_(k+1) = a_k / (k + 1). In
@@ -14,13 +15,14 @@ balls the coefficients enclose those of every motion that begins in the state's 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from operator import mul
 from typing import Any, NamedTuple
 
-from .balls import Ball, arb, squared
+from .balls import Ball, Matrix, arb, arb_mat, squared
 
 Series = list[Ball]
 """Coefficients of t^0, t^1, ..."""
@@ -64,7 +66,9 @@ class Expression:
         return self.algebra.negative(self)
 
 
-class _Operation(NamedTuple):
+class Operation(NamedTuple):
+    """A function of earlier results, or a number or variable."""
+
     kind: str
     arguments: tuple[int, ...]
 
@@ -78,7 +82,7 @@ class Algebra:
 
     switches: Mapping[int, float]
     """Parameters that are 0 or 1, by index."""
-    operations: list[_Operation] = field(default_factory=list[_Operation])
+    operations: list[Operation] = field(default_factory=list[Operation])
     _known: dict[_Key, Expression] = field(default_factory=dict[_Key, Expression])
     _negatives: dict[int, Expression] = field(default_factory=dict[int, Expression])
 
@@ -107,7 +111,7 @@ class Algebra:
         key = (kind, *arguments)
         if key not in self._known:
             self._known[key] = Expression(self, len(self.operations), number)
-            self.operations.append(_Operation(kind, arguments))
+            self.operations.append(Operation(kind, arguments))
         return self._known[key]
 
     def sum(self, x: Expression, y: Expression) -> Expression:
@@ -160,6 +164,31 @@ class Algebra:
             return -x
         return self._made("quotient", x.index, y.index)
 
+    def solve(
+        self, matrix: Mapping[tuple[int, int], Any], right: Sequence[Any]
+    ) -> list[Expression]:
+        """The solution of a symmetric linear system.
+
+        Args:
+            matrix: both triangles; what is absent is zero.
+            right: its right-hand side; None is zero.
+        """
+        entries = {place: self.expression(value) for place, value in matrix.items()}
+        entries = {place: entry for place, entry in entries.items() if entry.number != 0.0}
+        values = [self.expression(0.0 if value is None else value) for value in right]
+        coupled = sorted({i for i, j in entries if i != j})
+        zero = self.expression(0.0)
+        block = [entries.get((i, j), zero).index for i in coupled for j in coupled]
+        solved = [
+            value if i in coupled else self.quotient(value, entries[i, i])
+            for i, value in enumerate(values)
+        ]
+        if coupled:
+            system = self._made("system", *block, *(values[i].index for i in coupled))
+            for place, i in enumerate(coupled):
+                solved[i] = self._made("solution", system.index, place)
+        return solved
+
     def sqrt(self, x: Expression) -> Expression:
         """Square root."""
         return self._made("root", x.index)
@@ -174,6 +203,22 @@ class Algebra:
 
     def _wave(self, x: Expression) -> int:
         return self._made("wave", x.index).index
+
+
+class Expansion(NamedTuple):
+    """Coefficients of t^0 ... t^p along a motion."""
+
+    state: list[Series]
+    """Of q, then u."""
+    operations: Sequence[Operation]
+    results: list[Any]
+    """Of each operation: a series; of waves and linear systems several."""
+    outputs: Sequence[int]
+    """Places of the results that are accelerations, then functions."""
+
+    def output(self, i: int) -> Series:
+        """Coefficients of an output."""
+        return self.results[self.outputs[i]]
 
 
 class Tape:
@@ -194,15 +239,13 @@ class Tape:
             if index in needed:
                 continue
             needed.add(index)
-            operation = algebra.operations[index]
-            if operation.kind not in ("number", "constant", "variable"):
-                waiting += operation.arguments
+            waiting += _inputs(algebra.operations[index])
         order = sorted(needed)  # an operation's arguments were made before it
         place = {index: k for k, index in enumerate(order)}
         self.n_q = len(variables) // 2
         self._names = {name: k for k, name in enumerate(variables)}
-        self._outputs = [place[output.index] for output in outputs]
-        self._operations: list[_Operation] = []
+        self.outputs = [place[output.index] for output in outputs]
+        self.operations: list[Operation] = []
         constant = _constants(algebra, order)
         for index in order:
             kind, arguments = algebra.operations[index]
@@ -211,62 +254,107 @@ class Tape:
                 kind, arguments = "scaled", tuple(ordered)
             if kind == "variable":
                 arguments = (self._names[str(arguments[0])],)
-            elif kind not in ("number", "constant"):
-                arguments = tuple(place[argument] for argument in arguments)
-            self._operations.append(_Operation(kind, arguments))
+            else:
+                inputs = _inputs(Operation(kind, arguments))
+                arguments = (*(place[k] for k in inputs), *arguments[len(inputs) :])
+            self.operations.append(Operation(kind, arguments))
 
     def expand(
         self, numbers: Sequence[Ball], q: Sequence[Ball], u: Sequence[Ball], order: int
-    ) -> tuple[list[Series], list[Series]]:
-        """Compute Taylor coefficients of the motion and of the outputs.
+    ) -> Expansion:
+        """Compute Taylor coefficients of the motion and of the outputs, up to an order.
 
         Args:
             numbers: of the mechanism, those that are not zero.
             q, u: the state.
-            order: of the highest coefficient of q and u.
-
-        Returns:
-            Of q, then u, those up to `order`; of the functions after the accelerations those up to
-            `order`, too.
+            order: of the highest coefficients.
         """
         n_q = self.n_q
         state: list[Series] = [[value] for value in (*q, *u)]
-        results: list[Any] = [_begin(operation, numbers) for operation in self._operations]
-        accelerations = self._outputs[:n_q]
+        results: list[Any] = [_begin(operation, numbers) for operation in self.operations]
+        accelerations = self.outputs[:n_q]
         for k in range(order + 1):
-            for operation, result in zip(self._operations, results, strict=True):
+            for operation, result in zip(self.operations, results, strict=True):
                 _EXTEND[operation.kind](k, result, operation.arguments, results, state)
             if k < order:
                 for i, place in enumerate(accelerations):
                     state[i].append(state[n_q + i][k] / (k + 1))
                     state[n_q + i].append(results[place][k] / (k + 1))
-        return state, [list(results[place]) for place in self._outputs[n_q:]]
+        return Expansion(state, self.operations, results, self.outputs)
 
     def values(self, numbers: Sequence[Ball], q: Sequence[Ball], u: Sequence[Ball]) -> list[Ball]:
         """Enclose all outputs in every state of the balls."""
-        state: list[Series] = [[value] for value in (*q, *u)]
-        results: list[Any] = [_begin(operation, numbers) for operation in self._operations]
-        for operation, result in zip(self._operations, results, strict=True):
-            _EXTEND[operation.kind](0, result, operation.arguments, results, state)
-        return [results[place][0] for place in self._outputs]
+        expansion = self.expand(numbers, q, u, 0)
+        return [expansion.results[place][0] for place in self.outputs]
 
-    def accelerations(
-        self, numbers: Sequence[Ball], q: Sequence[Ball], u: Sequence[Ball]
-    ) -> list[Ball]:
-        """Enclose the first outputs, one for each coordinate."""
-        return self.values(numbers, q, u)[: self.n_q]
+
+def _inputs(operation: Operation) -> tuple[int, ...]:
+    """Operations on whose results one works; they are the first of its arguments."""
+    if operation.kind in ("number", "constant", "variable"):
+        return ()
+    return operation.arguments[:1] if operation.kind == "solution" else operation.arguments
 
 
 def _constants(algebra: Algebra, order: Sequence[int]) -> set[int]:
     """Operations whose results do not change with time."""
     constant = set[int]()
     for index in order:
-        kind, arguments = algebra.operations[index]
-        if kind in ("number", "constant") or (
-            kind != "variable" and constant.issuperset(arguments)
-        ):
+        operation = algebra.operations[index]
+        if operation.kind != "variable" and constant.issuperset(_inputs(operation)):
             constant.add(index)
     return constant
+
+
+class Factored(NamedTuple):
+    """A matrix K with an inverse of its middle, for several right-hand sides.
+
+    With E = I - C K, C about K^-1, the solution of K x = r differs from x_0 by
+
+        (I - E)^-1 d in d +- (I - |E|)^-1 |E| |d|,        d = C (r - K x_0),
+
+    if a w > 0 has |E| w < w, as then the powers of |E| have a sum (the bounds are those of Rump,
+    *Verification methods*, Acta Numerica 19 (2010) 287). They hold part by part, so that nothing
+    depends on the units of coordinates and of constraints.
+    """
+
+    matrix: Matrix
+    inverse: Matrix
+    """C, exact."""
+    excess: Matrix | None
+    """(I - |E|)^-1 |E|; None: it is not known that every matrix of the balls has an inverse."""
+
+    @classmethod
+    def of(cls, matrix: Matrix) -> Factored:
+        """Invert the middle of a matrix, and bound what others of its balls have beside it."""
+        n = range(matrix.nrows())
+        unit = arb_mat([[int(i == j) for j in n] for i in n])
+        inverse = matrix.mid().solve(unit, nonstop=True, algorithm="approx").mid()
+        off = _sizes(unit - inverse * matrix)
+        rest = (unit - off).inv(nonstop=True)
+        # There is w > 0 with |E| w < w.
+        w = (rest * arb_mat([[1]] * len(n))).mid()
+        known = all(x > 0 for x in (*w.entries(), *((unit - off) * w).entries()))
+        return cls(matrix, inverse, rest * off if known else None)
+
+    def solution(self, right: Matrix) -> Matrix:
+        """Enclose the solution of K x = r, for each column of r; not finite if it may have none."""
+        about = (self.inverse * right.mid()).mid()
+        off = self.inverse * (right - self.matrix * about)
+        if self.excess is None:
+            return arb_mat(right.nrows(), right.ncols(), [arb.nan()] * len(right.entries()))
+        wide = [arb(0, x.upper()) for x in (self.excess * _sizes(off)).entries()]
+        return about + off + arb_mat(right.nrows(), right.ncols(), wide)
+
+
+def _sizes(matrix: Matrix) -> Matrix:
+    """Upper bounds of absolute values, exact."""
+    sizes = [x.abs_upper() for x in matrix.entries()]
+    return arb_mat(matrix.nrows(), matrix.ncols(), sizes)
+
+
+def unknowns(of: Sequence[int]) -> int:
+    """N of a linear system's n^2 + n arguments: the matrix row by row, then the right side."""
+    return math.isqrt(len(of))
 
 
 @dataclass
@@ -278,10 +366,24 @@ class _Wave:
     weighted: Series = field(default_factory=Series)
 
 
-def _begin(operation: _Operation, numbers: Sequence[Ball]) -> Any:
+@dataclass
+class _System:
+    """Coefficients of a linear system's matrix and of its solution, a column each."""
+
+    first: Factored | None = None
+    """Of the matrix at t = 0."""
+    matrices: list[Matrix] = field(default_factory=list[Matrix])
+    columns: list[Matrix] = field(default_factory=list[Matrix])
+    solution: list[Series] = field(default_factory=list[Series])
+    """The columns' entries."""
+
+
+def _begin(operation: Operation, numbers: Sequence[Ball]) -> Any:
     """The list that an operation's coefficients are written to, with a constant's own."""
     if operation.kind == "wave":
         return _Wave()
+    if operation.kind == "system":
+        return _System()
     if operation.kind == "number":
         return [numbers[operation.arguments[0]]]
     if operation.kind == "constant":
@@ -355,6 +457,25 @@ def _wave(k: int, result: _Wave, of: Any, results: Any, _: Any) -> None:
     result.cosine.append(cosine)
 
 
+def _system(k: int, result: _System, of: Any, results: Any, _: Any) -> None:
+    n = unknowns(of)
+    matrix = arb_mat(n, n, [results[place][k] for place in of[: n * n]])
+    column = arb_mat(n, 1, [results[place][k] for place in of[n * n :]])
+    if result.first is None:
+        result.first = Factored.of(matrix)
+    else:
+        result.matrices.append(matrix)
+        for known, solved in zip(result.matrices, reversed(result.columns), strict=True):
+            column = column - known * solved
+    column = result.first.solution(column)
+    result.columns.append(column)
+    result.solution.append(column.entries())
+
+
+def _solution(k: int, result: Series, of: Any, results: Any, _: Any) -> None:
+    result.append(results[of[0]].solution[k][of[1]])
+
+
 def _sine(k: int, result: Series, of: Any, results: Any, _: Any) -> None:
     result.append(results[of[1]].sine[k])
 
@@ -377,4 +498,6 @@ _EXTEND: dict[str, Any] = {
     "wave": _wave,
     "sine": _sine,
     "cosine": _cosine,
+    "system": _system,
+    "solution": _solution,
 }

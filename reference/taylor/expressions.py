@@ -90,6 +90,8 @@ def why_not_taylor(problem: Problem) -> str | None:
 _Pair = tuple[Any, Any]  # Re and Im of a complex expression
 _Matrix = dict[tuple[int, int], Any]
 """Both triangles of a symmetric matrix; what is zero by structure is absent."""
+LinearSolver = Callable[[_Matrix, Sequence[Any]], list[Any]]
+"""Makes the solution's expressions of a matrix and a right-hand side, in which None is zero."""
 
 
 def _times(x: Any, y: Any) -> Any:
@@ -145,10 +147,14 @@ class TaylorSystem:
     Args:
         structure: sizes, stops, and which numbers are zero.
         algebra: what makes variables, parameters and functions of them; heyoka if left out.
+        solve: solves a symmetric system of expressions; elimination if left out.
     """
 
-    def __init__(self, structure: Structure, algebra: Any = None) -> None:
+    def __init__(
+        self, structure: Structure, algebra: Any = None, solve: LinearSolver | None = None
+    ) -> None:
         self.structure = structure
+        self._solve = solve or self._eliminated
         self._hy = algebra or heyoka()
         names = range(structure.n_q)
         self.q: list[Any] = list(self._hy.make_vars(*(f"q{i}" for i in names), "q_")[:-1])
@@ -229,7 +235,10 @@ class TaylorSystem:
         for k, e in enumerate(restitution):
             speed = self.gap_speed(k)
             right.append(_times(self._hy.par[s.active.start + k], _minus(speed + e * speed)))
-        return _solve_ldl(self._kkt[0], right, self._order[0])
+        return self._solve(self._kkt[0], right)
+
+    def _eliminated(self, matrix: _Matrix, right: Sequence[Any]) -> list[Any]:
+        return _solve_ldl(matrix, right, self._order[0])
 
     @property
     def jacobian(self) -> list[Any]:
@@ -241,7 +250,7 @@ class TaylorSystem:
     def solved(self) -> list[Any]:
         """Accelerations, then minus the multipliers of loops and stops."""
         matrix, right = self._kkt
-        solved = _solve_ldl(matrix, right, self._order[0])
+        solved = self._solve(matrix, right)
         # A coordinate that nothing accelerates has a plain zero, of which heyoka makes no
         # expression by itself.
         return [self._hy.expression(x) if isinstance(x, float) else x for x in solved]

@@ -6,6 +6,7 @@ in closed form. A prover that drops a remainder or rounds inward gives balls tha
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from fractions import Fraction
@@ -14,7 +15,7 @@ from typing import Any
 
 import pytest
 import trebucheck as tb
-from trebucheck.reference.proof import events, motion, steps
+from trebucheck.reference.proof import events, motion, remainders, sets, steps
 from trebucheck.reference.proof.balls import arb, between, exact, precision
 from trebucheck.reference.proof.motion import Limits, ProvedMotion
 from trebucheck.reference.taylor.expressions import TaylorSystem
@@ -46,7 +47,7 @@ def _wheel() -> tb.Problem:
 def _enclosed(problem: tb.Problem, order: int, digits: int, bits: int) -> list[Any]:
     """Times of events and the state at the end."""
     with precision(bits):
-        moved = ProvedMotion(problem, order, 10.0**-digits, Limits(seconds=30.0))
+        moved = ProvedMotion(problem, order, digits * math.log2(10), Limits(seconds=30.0))
         moved.run(Fraction(problem.duration))
         q, u = moved.phases[-1].at(exact(Fraction(problem.duration)))
         return [*(event.time for event in moved.events), *q, *u]
@@ -81,18 +82,24 @@ def _to_the_middle(at: Callable[..., Any]) -> Callable[..., Any]:
     return lambda self, t: at(self, t).mid()
 
 
-def _box_of_the_start(self: Any, q: Any, u: Any, length: Fraction) -> Any:
-    return list(q), list(u)
+def _at_the_start(expansion: Any, length: Any) -> Any:
+    """Remainders from the coefficients at the start, as if they held over the whole step."""
+    return remainders.remainders(expansion, arb(0))
 
 
-def _remainder_at_start(expand: Callable[..., Any]) -> Callable[..., Any]:
-    """The coefficients on the box, without what the box adds to the start."""
+def _without_spread(moved: Callable[..., Any]) -> Callable[..., Any]:
+    """A set that forgets how far its states were apart before the step."""
 
-    def expanded(self: Any, numbers: Any, q: Any, u: Any, order: int) -> Any:
-        middles = [x.mid() for x in q], [x.mid() for x in u]
-        return expand(self, numbers, *middles, order)
+    def forgetting(self: Any, reached: Any, derivative: Any, sizes: Any) -> Any:
+        still = dataclasses.replace(self, spread=[arb(0)] * len(self.spread))
+        return moved(still, reached, derivative, sizes)
 
-    return expanded
+    return forgetting
+
+
+def _standing(jacobian: Any, time: Any, sizes: Any) -> Any:
+    """States that keep their distances."""
+    return sets.identity(len(sizes))
 
 
 def _in_doubles(value: Fraction) -> Any:
@@ -117,9 +124,15 @@ FAULTS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "radii are dropped": lambda patch: patch.setattr(
         steps.TaylorModel, "at", _to_the_middle(steps.TaylorModel.at)
     ),
-    "the box is the start": lambda patch: patch.setattr(steps.StepMaker, "_box", _box_of_the_start),
-    "boxes have no width": lambda patch: patch.setattr(
-        steps.Tape, "expand", _remainder_at_start(steps.Tape.expand)
+    "remainders hold at the start only": lambda patch: patch.setattr(
+        steps, "remainders", _at_the_start
+    ),
+    "sets forget their spread": lambda patch: patch.setattr(
+        sets.StateSet, "moved", _without_spread(sets.StateSet.moved)
+    ),
+    "states keep their distances": lambda patch: patch.setattr(steps, "flow_derivative", _standing),
+    "sets have no width": lambda patch: patch.setattr(
+        sets.StateSet, "box", lambda self: list(self.centre)
     ),
     "times are doubles": lambda patch: patch.setattr(motion, "exact", _in_doubles),
     "a zero is its first approximation": lambda patch: patch.setattr(
@@ -146,20 +159,22 @@ def test_a_fault_is_caught(fault: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert found
 
 
-def test_a_step_that_is_too_long_has_no_box() -> None:
-    """A motion that leaves every box within the step: it is halved until one holds."""
+def test_a_step_that_is_too_long_has_no_tube() -> None:
+    """A remainder so large that motions may leave the tube: none is given."""
     with precision(100):
-        moved = ProvedMotion(_wheel(), 12, 1e-12, Limits())
+        moved = ProvedMotion(_wheel(), 12, 40.0, Limits())
         tape = moved._system((), (), launches=False).tape
-        maker = steps.StepMaker(tape, moved.numbers, 12, 1e-12)
-        assert maker._box([arb(1)], [arb(0)], Fraction(8)) is None
-        box = maker._box([arb(1)], [arb(0)], Fraction(1, 8))
-        assert box is not None
+        maker = steps.StepMaker(tape, moved.numbers, 12, 40.0)
+        start = sets.StateSet.of([arb(1), arb(0)])
+        expansion = tape.expand(moved.numbers, [arb(1)], [arb(0)], 12)
+        assert maker._tube(start, expansion, arb(8)) is None
+        tube = maker._tube(start, expansion, arb(1) / 8)
+        assert tube is not None
         for k in range(9):
             t = Fraction(k, 64)
             with precision(200):
                 q, u = (2 * exact(t)).cos(), -2 * (2 * exact(t)).sin()
-            assert box[0][0].contains(q) and box[1][0].contains(u)
+            assert tube.box[0].contains(q) and tube.box[1].contains(u)
 
 
 def test_a_double_zero_is_undecided() -> None:

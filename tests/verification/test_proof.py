@@ -142,7 +142,7 @@ def test_accelerations_enclose_those_of_the_equations(name: str) -> None:
     given_model = tb.model(name) if name in ("fixed", "rolling", "catapult") else tb.problem(name)
     problem = given_model if isinstance(given_model, tb.Problem) else tb.Problem(given_model)
     with precision(160):
-        motion = ProvedMotion(problem, 10, 1e-20, Limits())
+        motion = ProvedMotion(problem, 10, 66.0, Limits())
         exactly = exact_numbers(problem, motion.kinematics)
         doubles = numbers_of(problem, Kinematics(problem.mechanism), np.float64)
         scale = max(1.0, float(np.abs(doubles).max()))
@@ -152,12 +152,11 @@ def test_accelerations_enclose_those_of_the_equations(name: str) -> None:
         closed = tuple(s.name for s in problem.mechanism.stops if s.closed)
         tape = motion._system(closed, (), launches=False).tape
         u = u + 0.0
-        found = tape.accelerations(
-            motion.numbers, [arb(float(x)) for x in q], [arb(float(x)) for x in u]
-        )
+        found = tape.values(motion.numbers, [arb(float(x)) for x in q], [arb(float(x)) for x in u])
         expected = Equations(problem.mechanism).solve(q, u, closed)[0]
         largest = max(1.0, float(np.abs(expected).max()))
-        assert [float(x) for x in found] == pytest.approx(expected.tolist(), abs=1e-11 * largest)
+        accelerations = [float(x) for x in found[: len(q)]]
+        assert accelerations == pytest.approx(expected.tolist(), abs=1e-11 * largest)
 
 
 @pytest.mark.parametrize(
