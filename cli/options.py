@@ -280,10 +280,12 @@ Json = OPTIONS["json"].annotation
 
 
 def names(text: str, what: str) -> list[str]:
-    """Split a comma list; InputError if the list is empty."""
-    names = [part.strip() for part in text.split(",") if part.strip()]
-    if not names:
+    """Split a comma list; InputError if the list or a part of it is empty."""
+    names = [part.strip() for part in text.split(",")]
+    if not any(names):
         raise InputError(f"{what} is empty; at least one name is needed.")
+    if not all(names):
+        raise InputError(f"{what} = {text!r} has nothing between two commas or at an end.")
     return names
 
 

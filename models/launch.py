@@ -44,7 +44,7 @@ _ROUNDING = 1e-14  # of a velocity, in parts of it
 # Of speeds, in parts of their scale: a chain of light bodies may turn a hundred times faster than
 # it falls.
 _NOISE = 1e-12
-_AT_REST = 1e-8  # parts of the scale: slower than this nothing is thrown, and a rest may rattle
+AT_REST = 1e-8  # parts of the scale: slower than this nothing is thrown, and a rest may rattle
 # [rad] a motion that ends this little above the launch direction ends with its launch.
 _AT_END = 1e-12
 
@@ -97,7 +97,7 @@ def is_launch(
     Args:
         scale: of the mechanism's speeds [m/s] (:meth:`.kinematics.Kinematics.speed_scale`).
     """
-    return bool(velocity[0] * math.cos(angle) + velocity[1] * math.sin(angle) > _AT_REST * scale)
+    return bool(velocity[0] * math.cos(angle) + velocity[1] * math.sin(angle) > AT_REST * scale)
 
 
 def launch_interval(velocity: FloatArray, angle: float = LAUNCH_ANGLE) -> int | None:

@@ -234,7 +234,7 @@ _CALLS: Mapping[str, tuple[tuple[str, ...], Mapping[str, str]]] = {
         ("--quiet",),
         {"engine": "mujoco/default", "problem": "pendulum", "tier": "quick", "out": "out"},
     ),
-    "matrix": (("--quiet",), {"files": "results.json", "out": "out"}),
+    "matrix": (("--quiet",), {"files": "results.json", "out": "out.html"}),
     "diff": ((), {"old": "results.json", "new": "results.json", "out": "out"}),
     "figures": ((), {"folder": "report", "formats": "svg", "out": "out"}),
     "explain": (("--quiet",), _OF_ENGINES),
@@ -309,6 +309,7 @@ _RIGHT: Mapping[tuple[str, str], Values] = {
     ("data", "out"): ("a-file",),
     ("campaign diff", "out"): ("a-file",),
     ("animate", "out"): ("a-file",),
+    ("plugin new", "name"): ("null",),
 }
 # What else a parameter needs to be looked at
 _BESIDE: Mapping[tuple[str, str], Mapping[str, str]] = {
@@ -344,6 +345,8 @@ def _forms(value: str) -> Iterator[str]:
     for text in parts:
         yield text
         yield repr(text)[1:-1]
+        if "/" in text:
+            yield repr(text.partition("/")[0])  # an engine, before its preset
         yield text.strip() or "empty"
         if len(text) > 60:
             yield text[:50]
@@ -490,7 +493,10 @@ def _changed_mechanism(chosen: random.Random) -> Case:
         command, "model"
     )
     words = _words(command, {parameter: "changed.json"}, parameters())
-    told = (label, "changed.json", *_forms(str(value)))
+    # Of a start that does not fit, the joint is named.
+    joints = (repr(joint.name) for joint in tb.model(name).joints)
+    told = (label, "changed.json", *joints, *_forms(str(value)))
+    told = (*told, "projectile") if command == "throw" else told  # which may never be launched
     return Case(command, label, repr(value)[:60], words, {"changed.json": text}, told, may_be_right)
 
 

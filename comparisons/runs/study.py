@@ -310,7 +310,7 @@ class Study:
         if self.stop_law is None and isinstance(given, Problem):
             return given.stop_law
         try:
-            return StopLaw(self.stop_law or StopLaw.RELEASE_ONCE)
+            return StopLaw.RELEASE_ONCE if self.stop_law is None else StopLaw(self.stop_law)
         except ValueError:
             valid = ", ".join(law.value for law in StopLaw)
             raise InputError(

@@ -14,6 +14,7 @@ closed to rounding only.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -26,12 +27,13 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
 from ...models.kinematics import initial_state
+from ...models.launch import AT_REST
 from ...models.problem import Problem, StopLaw
 from ..contact import active_contacts, resolve_impact
 from ..equations import Equations
 from ..reactions import refuse_dependent
 from ..taylor.expressions import TaylorSystem
-from ..taylor.numbers import PROJECTILE, relevant_stops, rests_of, structure_of
+from ..taylor.numbers import PROJECTILE, projectile_row, relevant_stops, rests_of, structure_of
 from .balls import Ball, arb, exact, rounded
 from .events import UndecidedZeroError, Zero, clear_of_start, keeps_sign, zeros
 from .mechanics import SolvedForces
@@ -215,7 +217,10 @@ class ProvedMotion:
                 released = event.name
             else:
                 touching = tuple(name for name in self.stops if name in (*closed, event.name))
-                state, closed = self._struck(start, state, touching)
+                launches = self._may_launch(closed)
+                state, closed = self._struck(start, state, touching, launches)
+                if until is None and self.launch is not None:
+                    return
 
     def _note(self, event: ProvedEvent) -> None:
         self.events.append(event)
@@ -240,9 +245,12 @@ class ProvedMotion:
     # --- impacts
 
     def _struck(
-        self, start: Ball, state: State, touching: tuple[str, ...]
+        self, start: Ball, state: State, touching: tuple[str, ...], launches: bool = False
     ) -> tuple[State, tuple[str, ...]]:
-        """The state after an impact of the touching stops, and those that stay closed."""
+        """The state after an impact of the touching stops, and those that stay closed.
+
+        A launch in it is noted if the projectile is free to be launched.
+        """
         mechanism, (q, u) = self.problem.mechanism, state
         restitution = {name: mechanism.stop(name).restitution for name in self.stops}
         e: FloatArray = np.array([restitution[name] for name in touching])
@@ -256,7 +264,8 @@ class ProvedMotion:
         changes = tape.values(self.numbers, q, u)
         impulses = dict(zip(self.stops, changes[len(q) :], strict=True))
         after: State = q, [x + change for x, change in zip(u, changes, strict=False)]
-        self._refuse_launch(start, state, after)
+        if launches and self._rests.isdisjoint(pushing):
+            self._note_launch(start, state, after)
         before = self._gap_speeds(state)
         speeds = self._gap_speeds(after)
         for name in touching:
@@ -270,19 +279,44 @@ class ProvedMotion:
         held = [n for n in touching if n not in resting]
         return after, active_contacts(self.equations, *_middles(after), held)
 
-    def _refuse_launch(self, t: Ball, before: State, after: State) -> None:
-        """Raise SimulationError if an impact may turn the velocity through the launch direction."""
-        if not self.structure.throws or self.launch is not None:
-            return
+    def _note_launch(self, t: Ball, before: State, after: State) -> None:
+        """Note a launch in an impact that turns the velocity through the launch direction.
+
+        The velocity there is the one on the way from that before to that after.
+        """
         leads: list[Ball] = []
         for state in (before, after):
             velocity = self.projectile_velocity(state)
             leads.append(velocity.imag - velocity.real)
-        if not (leads[0] < 0 or leads[1] > 0):
-            raise SimulationError(
-                f"not proved: the impact at t = {float(t.mid()):.9g} s may turn the projectile's "
-                "velocity through the launch direction."
-            )
+        ahead, behind = leads
+        if ahead < 0 or behind > 0:
+            return
+        self._require(ahead > 0 and behind < 0, "the launch is in an impact", t)
+        part = ahead / (ahead - behind)
+        (q, u), (_, u_after) = before, after
+        state = q, [x + part * (y - x) for x, y in zip(u, u_after, strict=True)]
+        along = self._points_along(state)
+        self._require(along is not None, "the launch is in an impact", t)
+        if along:
+            self._note(ProvedEvent("launch", PROJECTILE, t, *state))
+
+    def _points_along(self, state: State) -> bool | None:
+        """Whether a velocity on the launch direction's line points along it; None: undecided.
+
+        One that is zero to rounding (:func:`...models.launch.is_launch`) does not.
+        """
+        velocity = self.projectile_velocity(state)
+        along = velocity.real + velocity.imag  # times the square root of a half
+        if along > self._standing:
+            return True
+        return False if along < self._standing else None
+
+    @cached_property
+    def _standing(self) -> float:
+        """Sum of the projectile's speeds below which it is at rest [m/s]."""
+        kinematics = self.equations.kinematics
+        row = projectile_row(self.problem.mechanism, kinematics)
+        return math.sqrt(2.0) * AT_REST * float(kinematics.speed_scale(row))
 
     def _gap_speeds(self, state: State) -> dict[str, Ball]:
         """Speed of each stop's gap."""
@@ -362,6 +396,11 @@ class ProvedMotion:
             self._systems[key] = _System(Tape(algebra, self._names, made), functions)
         return self._systems[key]
 
+    def _may_launch(self, closed: Sequence[str]) -> bool:
+        """Whether a launch is looked for: none has come, and the projectile rests on nothing."""
+        free = self._rests.isdisjoint(closed)
+        return bool(self.structure.throws) and free and self.launch is None
+
     def _next_event(
         self, phase: Phase, state: State, opened: tuple[str, ...], end: Ball
     ) -> ProvedEvent | None:
@@ -373,8 +412,7 @@ class ProvedMotion:
             opened: stops that touch there and are not closed.
             end: of the motion [s].
         """
-        free = self._rests.isdisjoint(phase.closed)
-        launches = self.structure.throws and free and self.launch is None
+        launches = self._may_launch(phase.closed)
         system = self._system(phase.closed, opened, launches)
         stepper = StepMaker(system.tape, self.numbers, self.order, self.bits)
         begin, states = Fraction(0), StateSet.of([*state[0], *state[1]])
@@ -470,11 +508,10 @@ class ProvedMotion:
 
     def _is_launch(self, step: Step, zero: Zero) -> bool:
         """Tell whether the velocity points along the launch direction, and not against it."""
-        velocity = self.projectile_velocity(step.at(zero.time))
-        along = velocity.real + velocity.imag  # times the square root of a half
-        if along > 0 or along < 0:
-            return bool(along > 0)
-        raise UndecidedZeroError(Fraction(0), step.length, "speed != 0")
+        along = self._points_along(step.at(zero.time))
+        if along is None:
+            raise UndecidedZeroError(Fraction(0), step.length, "speed != 0")
+        return along
 
 
 def _middles(state: State) -> tuple[FloatArray, FloatArray]:
