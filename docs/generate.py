@@ -6,6 +6,7 @@ With names of parts only those: `python docs/generate.py readme commands`.
 from __future__ import annotations
 
 import inspect
+import json
 import os
 import re
 import subprocess
@@ -288,6 +289,65 @@ def write_results() -> None:
     (folder / "free-swing.json").write_text(swung.of_commit(commit).to_json() + "\n")
 
 
+def write_proofs() -> None:
+    """Prove the motions of all machines and problems to thirty digits (ten minutes)."""
+    folder, reasons = ROOT / "docs" / "proofs", dict[str, str]()
+    folder.mkdir(exist_ok=True)
+    for file in folder.glob("*.json"):
+        file.unlink()
+    for name in (*models(), *(entry.name for entry in benchmarks())):
+        print(name, flush=True)
+        try:
+            proof = tb.prove(name, digits=_DIGITS, timeout=_PROOF_LIMIT)
+        except (tb.SimulationError, tb.UnsupportedProblemError) as error:
+            reasons[name] = str(error)
+            continue
+        command = f"trebucheck prove {name} --digits {_DIGITS}"
+        text = ProofFile.of(proof).made_by(command).to_json()
+        (folder / f"{name}.json").write_text(f"{text}\n")
+    kept = json.dumps({"digits": _DIGITS, "seconds": _PROOF_LIMIT, "reasons": reasons}, indent=2)
+    (folder / _NOT_PROVED).write_text(f"{kept}\n")
+
+
+def write_proved() -> None:
+    """Write the page of proved motions, from the files that the repository holds."""
+    folder = ROOT / "docs" / "proofs"
+    proved: list[str] = []
+    for path in sorted(folder.glob("*.json")):
+        if path.name == _NOT_PROVED:
+            continue
+        known = ProofFile.from_json(path.read_text())
+        figure = known.figures[-1]
+        for each in known.figures:
+            if each.name == "launch of projectile":
+                figure = each
+        end = "launch" if known.until is None else f"{known.until:g} s"
+        proved.append(
+            f"| [{path.stem}](proofs/{path.name}) | {end} | {len(known.figures)} | {known.bits} | "
+            f"{known.steps} | {known.processor_time:.1f} s | {figure.name}: {figure.value} "
+            f"{figure.unit} |"
+        )
+    left = json.loads((folder / _NOT_PROVED).read_text())
+    titles = ("model", "to", "figures", "bits", "steps", "processor time", "one of its figures")
+    parts = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|", *proved, ""]
+    if left["reasons"]:
+        parts += [
+            f"Not proved to {left['digits']} digits within {left['seconds']:g} s of processor "
+            "time each, and why:",
+            "",
+            "| model | reason |",
+            "|---|---|",
+            *(f"| {name} | {reason} |" for name, reason in left["reasons"].items()),
+        ]
+    page = ROOT / "docs" / "proved.md"
+    page.write_text(markdown.with_block(page.read_text(), "proofs", "\n".join(parts)))
+
+
+_DIGITS = 30
+_PROOF_LIMIT = 120.0  # [s] of processor time
+_NOT_PROVED = "not-proved.json"
+
+
 def kept_results() -> Matrix:
     """The runs of all engines that the repository holds."""
     folders = (ROOT / "docs" / "results", ROOT / "plugins" / "results")
@@ -437,6 +497,8 @@ PARTS: dict[str, Callable[[], None]] = {
     "tutorial": lambda: refresh_page(ROOT / "docs" / "tutorial.md"),
     "commands": write_commands,
     "results": write_results,
+    "proofs": write_proofs,
+    "proved": write_proved,
     "matrix": write_matrix,
     "engine-pages": write_engine_pages,
     "api": write_api,

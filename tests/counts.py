@@ -37,9 +37,9 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 66250,
-    "modules": 258,
-    "modules with one importer": 53,  # point_masses, which plug-ins import as well
+    "lines": 67300,
+    "modules": 261,
+    "modules with one importer": 55,  # each of the prover's is one formula
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,

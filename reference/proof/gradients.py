@@ -38,7 +38,7 @@ class _Solved(NamedTuple):
 
 
 class _Inputs(NamedTuple):
-    """What values depend on beside the operations."""
+    """Numbers and state, on which values depend beside the operations."""
 
     numbers: Sequence[Ball]
     state: Sequence[Ball]

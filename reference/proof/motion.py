@@ -301,7 +301,7 @@ class ProvedMotion:
             self._note(ProvedEvent("launch", PROJECTILE, t, *state))
 
     def _points_along(self, state: State) -> bool | None:
-        """Whether a velocity on the launch direction's line points along it; None: undecided.
+        """Tell whether a velocity on the launch line points along it; None: undecided.
 
         One that is zero to rounding (:func:`...models.launch.is_launch`) does not.
         """
@@ -397,7 +397,7 @@ class ProvedMotion:
         return self._systems[key]
 
     def _may_launch(self, closed: Sequence[str]) -> bool:
-        """Whether a launch is looked for: none has come, and the projectile rests on nothing."""
+        """Tell whether a launch is looked for: none has come, and the projectile rests on nothing."""
         free = self._rests.isdisjoint(closed)
         return bool(self.structure.throws) and free and self.launch is None
 

@@ -70,7 +70,7 @@ class _Solved:
 
 
 class _Step(NamedTuple):
-    """What remainders depend on beside the operations."""
+    """Times and their powers, on which remainders depend beside the operations."""
 
     time: Ball
     """0 to h."""

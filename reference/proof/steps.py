@@ -81,7 +81,7 @@ class Step:
     states: StateSet
     """At the start."""
     box: Sequence[Ball]
-    """Which no motion leaves."""
+    """A box that no motion leaves."""
     apart: Sequence[Ball]
     """Bounds of how far other motions are from that of the set's centre."""
     system: Tape
@@ -278,7 +278,7 @@ def _left_out(
     slopes: Sequence[Sequence[Ball]],
     length: Ball,
 ) -> tuple[list[Ball], list[Ball]]:
-    """What motions and functions have beside their polynomials, in parts of t^(p+1).
+    """Enclose what motions and functions have beside their polynomials, in parts of t^(p+1).
 
     Args:
         expansion, over: of the motion, and what its polynomial has along it.
@@ -309,7 +309,7 @@ class _Tube(NamedTuple):
     slopes: list[list[Ball]]
     """Derivatives of the accelerations, then the functions, by the state, in the box."""
     remainders: list[Ball]
-    """Of q and u, in parts of t^(p+1)."""
+    """Remainders of q and u, in parts of t^(p+1)."""
     of_functions: list[Ball]
     """Those of the functions."""
     apart: list[Ball]

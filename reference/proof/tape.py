@@ -209,10 +209,10 @@ class Expansion(NamedTuple):
     """Coefficients of t^0 ... t^p along a motion."""
 
     state: list[Series]
-    """Of q, then u."""
+    """Series of q, then u."""
     operations: Sequence[Operation]
     results: list[Any]
-    """Of each operation: a series; of waves and linear systems several."""
+    """A series for each operation; several for waves and linear systems."""
     outputs: Sequence[int]
     """Places of the results that are accelerations, then functions."""
 
@@ -371,7 +371,7 @@ class _System:
     """Coefficients of a linear system's matrix and of its solution, a column each."""
 
     first: Factored | None = None
-    """Of the matrix at t = 0."""
+    """The matrix at t = 0."""
     matrices: list[Matrix] = field(default_factory=list[Matrix])
     columns: list[Matrix] = field(default_factory=list[Matrix])
     solution: list[Series] = field(default_factory=list[Series])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from decimal import Decimal
 from fractions import Fraction
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import flint
 import numpy as np
 import pytest
 import trebucheck as tb
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.reference.certification import certificate as certificates
 from trebucheck.reference.certification.certificate import Certificate, Figure
@@ -22,8 +24,10 @@ from trebucheck.reference.proof.balls import arb, as_decimals, exact, precision
 from trebucheck.reference.proof.motion import Limits, ProvedMotion
 from trebucheck.reference.proof.numbers import exact_numbers
 from trebucheck.reference.proof.proof import Enclosure, Proof
+from trebucheck.reference.proof.proof import prove as prove_problem
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.numbers import numbers_of
+from trebucheck.reference.taylor.solve import taylor_quantities
 
 acb: Any = flint.acb
 CERTIFICATES = Path(certificates.__file__).parent / "certificates"
@@ -306,3 +310,58 @@ def test_the_figures_of_a_proof_are_its_own() -> None:
     assert names[:3] == ["release of hanger rest", "release of sling rest", "launch of projectile"]
     assert not proof.lacking
     assert repr(proof)
+
+
+STRUCK = tb.TrebuchetParameters(
+    l1=8.15, l2=4.49, m_b=54.11, m_cw=2906.32, m_a=903.51, h=12.47, r=5.69, g=11.18, phi0=3.01,
+    alpha0=-0.71,
+)  # fmt: skip
+"""A machine whose arm's stop turns the projectile through the launch direction."""
+STANDING = tb.TrebuchetParameters(
+    l1=12.07, l2=3.28, m_b=73.01, m_cw=3281.43, m_a=1136.38, h=9.27, r=5.38, g=10.65, phi0=2.73,
+    alpha0=-0.93,
+)  # fmt: skip
+"""A machine that stands still for an instant with both its stops closed, and never launches."""
+
+
+def test_a_launch_in_an_impact_is_that_of_the_reference() -> None:
+    problem = tb.Problem(tb.fixed(STRUCK), duration=6.0, stop_law=tb.StopLaw.UNILATERAL)
+    proof = prove_problem(problem, 12)
+    known = taylor_quantities(problem).launch
+    assert known is not None and proof.launch_time is not None and proof.launch_speed is not None
+    assert proof.motion.events[-1].kind == "launch"
+    (_, struck) = proof.impacts[-1]
+    assert struck == proof.launch_time
+    assert abs(float(proof.launch_time.value) - known.time) < 1e-13 * known.time
+    assert abs(float(proof.launch_speed.value) - known.speed) < 1e-12 * known.speed
+
+
+def test_what_starts_from_rest_is_not_launched() -> None:
+    """Where one degree of freedom is left, all velocities are zero at once where it turns."""
+    problem = tb.Problem(tb.fixed(STANDING), duration=6.0, stop_law=tb.StopLaw.UNILATERAL)
+    assert prove_problem(problem, 8).launch_time is None
+    assert taylor_quantities(problem).launch is None
+
+
+@settings(max_examples=6)
+@given(st.integers(0, 10**6))
+def test_enclosures_of_random_mechanisms_intersect(seed: int) -> None:
+    """Of random mechanisms with stops, by orders, steps and bits that are drawn, too."""
+    chosen = np.random.default_rng(seed)
+    problem = tb.Problem(random_mechanism(seed), duration=0.25, stop_law=tb.StopLaw.UNILATERAL)
+    runs: list[tuple[list[tuple[str, str]], list[Any]]] = []
+    for _ in range(3):
+        order, digits = int(chosen.integers(8, 24)), int(chosen.integers(4, 20))
+        bits = math.ceil(digits * math.log2(10)) + int(chosen.integers(10, 60))
+        with precision(bits):
+            motion = ProvedMotion(problem, order, digits * math.log2(10), Limits(seconds=2.0))
+            try:
+                motion.run(Fraction(1, 4))
+            except (tb.SimulationError, tb.UnsupportedProblemError):
+                continue  # undecided, or dear: nothing is said
+            q, u = motion.phases[-1].at(exact(Fraction(1, 4)))
+        kinds = [(event.kind, event.name) for event in motion.events]
+        runs.append((kinds, [*(event.time for event in motion.events), *q, *u]))
+    for (kinds, found), (others, other) in combinations(runs, 2):
+        assert kinds == others
+        assert all(a.overlaps(b) for a, b in zip(found, other, strict=True))
