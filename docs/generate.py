@@ -340,7 +340,7 @@ def write_proved() -> None:
             *(f"| {name} | {reason} |" for name, reason in left["reasons"].items()),
         ]
     page = ROOT / "docs" / "proved.md"
-    page.write_text(markdown.with_block(page.read_text(), "proofs", "\n".join(parts)))
+    page.write_text(markdown.with_block(page.read_text(), "proofs", "\n".join(parts) + "\n"))
 
 
 _DIGITS = 30

@@ -87,6 +87,7 @@ class Limits:
     """Limit of processor time [s]."""
 
 
+_FINITE = "accelerations stay finite"
 _INEQUALITIES: dict[Kind, str] = {
     "release": "{!r} pushes",
     "impact": "{!r} is open",
@@ -397,7 +398,7 @@ class ProvedMotion:
         return self._systems[key]
 
     def _may_launch(self, closed: Sequence[str]) -> bool:
-        """Tell whether a launch is looked for: none has come, and the projectile rests on nothing."""
+        """Tell whether a launch is looked for: none has come, and nothing holds the projectile."""
         free = self._rests.isdisjoint(closed)
         return bool(self.structure.throws) and free and self.launch is None
 
@@ -427,7 +428,9 @@ class ProvedMotion:
             try:
                 step = stepper.step(begin, states, last - begin)
             except NoTubeError:
-                raise UndecidedError("accelerations stay finite", now) from None
+                loops = bool(self.problem.mechanism.loop_joints)
+                finite = "loops keep their rank (a singular position)"
+                raise UndecidedError(finite if loops else _FINITE, now) from None
             phase.steps.append(step)
             event = self._first(phase, step, system.functions)
             if event is not None:
