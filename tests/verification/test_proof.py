@@ -16,6 +16,7 @@ import trebucheck as tb
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from trebucheck.comparisons.campaigns.random_mechanisms import random_mechanism
+from trebucheck.comparisons.prove import ProofFile
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.reference.certification import certificate as certificates
 from trebucheck.reference.certification.certificate import Certificate, Figure
@@ -365,3 +366,28 @@ def test_enclosures_of_random_mechanisms_intersect(seed: int) -> None:
     for (kinds, found), (others, other) in combinations(runs, 2):
         assert kinds == others
         assert all(a.overlaps(b) for a, b in zip(found, other, strict=True))
+
+
+PROOFS = Path(__file__).parents[2] / "docs" / "proofs"
+NAMED = sorted(path.stem for path in PROOFS.glob("*.json") if path.stem in tb.problems())
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_the_proofs_that_are_published_are_those_of_the_reference(name: str) -> None:
+    known = ProofFile.from_json((PROOFS / f"{name}.json").read_text())
+    problem = tb.problem(name)
+    assert known.mechanism_hash == problem.mechanism.content_hash
+    assert known.digits == 30 and known.until == problem.duration
+    end = solve(problem).trajectory(np.array([problem.duration]))
+    for k, coordinate in enumerate(problem.mechanism.coordinates):
+        (figure,) = (each for each in known.figures if each.name == f"{coordinate} at the end")
+        # The reference's tolerance is 1e-12; motions part by less than 1e4 times meanwhile.
+        assert abs(float(figure.value) - end.q[0, k]) < 1e-8 * max(1.0, abs(end.q[0, k]))
+
+
+def test_the_published_end_of_the_squeezer_is_late() -> None:
+    """As the page says: 1.14e-9 rad of 15.8 rad."""
+    known = ProofFile.from_json((PROOFS / "squeezer.json").read_text())
+    (figure,) = (each for each in known.figures if each.name == "k1 at the end")
+    off = Decimal("15.81077119629904") + Decimal(figure.value)  # k1 counts clockwise
+    assert abs(off - Decimal("1.145e-9")) < Decimal("1e-11")
