@@ -87,6 +87,7 @@ class Limits:
     """Limit of processor time [s]."""
 
 
+_SHORTER = 3  # times that a step is made with a quarter of its length, to decide an event
 _FINITE = "accelerations stay finite"
 _INEQUALITIES: dict[Kind, str] = {
     "release": "{!r} pushes",
@@ -426,17 +427,40 @@ class ProvedMotion:
                 stepper.tape = system.tape
             now = float(phase.start.mid()) + float(begin)
             try:
-                step = stepper.step(begin, states, last - begin)
+                step, event = self._step(stepper, phase, begin, states, last, system.functions)
             except NoTubeError:
                 loops = bool(self.problem.mechanism.loop_joints)
                 finite = "loops keep their rank (a singular position)"
                 raise UndecidedError(finite if loops else _FINITE, now) from None
             phase.steps.append(step)
-            event = self._first(phase, step, system.functions)
             if event is not None:
                 return None if event.time > end else event
             states, begin = step.reached(), step.end
         return None
+
+    def _step(
+        self,
+        stepper: StepMaker,
+        phase: Phase,
+        begin: Fraction,
+        states: StateSet,
+        last: Fraction,
+        functions: Sequence[_Function],
+    ) -> tuple[Step, ProvedEvent | None]:
+        """Make a step, and find its first event; a shorter one where that is undecided.
+
+        Remainders of slopes hold for all motions in the step's box, and are wide over a long one.
+        """
+        left = last - begin
+        for k in range(_SHORTER + 1):
+            step = stepper.step(begin, states, left)
+            try:
+                return step, self._first(phase, step, functions)
+            except UndecidedError:
+                if k == _SHORTER:
+                    raise
+            left = step.length / 4
+        raise AssertionError
 
     def _count(self, now: Ball) -> None:
         self._steps += 1

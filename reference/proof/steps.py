@@ -66,7 +66,7 @@ class TaylorModel:
         return value
 
     def derivative(self) -> TaylorModel:
-        """Its derivative, whose remainder is that of one order less."""
+        """Its derivative, if the remainder is its next coefficient over the step (Lagrange)."""
         kept = [k * c for k, c in enumerate(self.coefficients)][1:]
         return TaylorModel(kept, len(self.coefficients) * self.remainder)
 
@@ -143,22 +143,18 @@ class Step:
 
     @cached_property
     def of_all(self) -> list[TaylorModel]:
-        """Models of the functions, each coefficient and remainder of which holds for all motions.
+        """Models of the functions, whose every coefficient holds for all motions.
 
-        They are not finite where the polynomial of a motion may leave the box.
+        Their remainders are the next coefficients anywhere in the box (Lagrange), as those of
+        derivatives follow from them, and not from bounds of the functions' own values.
         """
-        order = len(self.motion[0].coefficients) - 1
+        order, half = len(self.motion[0].coefficients) - 1, len(self.box) // 2
         around = self.states.box()
-        half = len(around) // 2
         expansion = self.system.expand(self.numbers, around[:half], around[half:], order)
         with precision(BITS):
-            over = remainders(expansion, exact(self.length))
-            time = between(arb(0), exact(self.length))
-            flow = flow_derivative(self._jacobian, time, self._sizes)
-            _, left = _left_out(expansion, over, flow, self.slopes, exact(self.length))
-            if not all(b.contains(x) for b, x in zip(self.box, over.state, strict=True)):
-                left = [arb.nan()] * len(left)
-        return [TaylorModel(expansion.output(half + i), r) for i, r in enumerate(left)]
+            box = self.system.expand(self.numbers, self.box[:half], self.box[half:], order + 1)
+        places = range(half, len(expansion.outputs))
+        return [TaylorModel(expansion.output(i), box.output(i)[-1]) for i in places]
 
 
 class NoTubeError(Exception):
