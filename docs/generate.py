@@ -37,7 +37,13 @@ from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.prove import ProofFile
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
-from trebucheck.comparisons.report.document import Document, table, without_empty_columns
+from trebucheck.comparisons.report.document import (
+    Block,
+    Document,
+    Text,
+    table,
+    without_empty_columns,
+)
 from trebucheck.comparisons.report.pages import compare as figures
 from trebucheck.comparisons.report.pages import work
 from trebucheck.comparisons.report.pages.compare import differences
@@ -312,35 +318,33 @@ def write_proofs() -> None:
 def write_proved() -> None:
     """Write the page of proved motions, from the files that the repository holds."""
     folder = ROOT / "docs" / "proofs"
-    proved: list[str] = []
+    rows: list[tuple[str, ...]] = []
     for path in sorted(folder.glob("*.json")):
         if path.name == _NOT_PROVED:
             continue
         known = ProofFile.from_json(path.read_text())
-        figure = known.figures[-1]
-        for each in known.figures:
-            if each.name == "launch of projectile":
-                figure = each
-        end = "launch" if known.until is None else f"{known.until:g} s"
-        proved.append(
-            f"| [{path.stem}](proofs/{path.name}) | {end} | {len(known.figures)} | {known.bits} | "
-            f"{known.steps} | {known.processor_time:.1f} s | {figure.name}: {figure.value} "
-            f"{figure.unit} |"
+        launches = (each for each in known.figures if each.name == "launch of projectile")
+        figure = next(launches, known.figures[-1])
+        rows.append(
+            (
+                f"[{path.stem}](proofs/{path.name})",
+                "launch" if known.until is None else f"{known.until:g} s",
+                f"{len(known.figures)}",
+                f"{known.bits}",
+                f"{known.steps}",
+                f"{known.processor_time:.1f} s",
+                f"{figure.name}: {figure.value} {figure.unit}",
+            )
         )
-    left = json.loads((folder / _NOT_PROVED).read_text())
     titles = ("model", "to", "figures", "bits", "steps", "processor time", "one of its figures")
-    parts = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|", *proved, ""]
+    blocks: list[Block] = [table(titles, rows)]
+    left = json.loads((folder / _NOT_PROVED).read_text())
     if left["reasons"]:
-        parts += [
-            f"Not proved to {left['digits']} digits within {left['seconds']:g} s of processor "
-            "time each, and why:",
-            "",
-            "| model | reason |",
-            "|---|---|",
-            *(f"| {name} | {reason} |" for name, reason in left["reasons"].items()),
-        ]
-    page = ROOT / "docs" / "proved.md"
-    page.write_text(markdown.with_block(page.read_text(), "proofs", "\n".join(parts) + "\n"))
+        limit = f"{left['digits']} digits within {left['seconds']:g} s of processor time each"
+        blocks.append(Text(f"Not proved to {limit}, and why:"))
+        blocks.append(table(("model", "reason"), left["reasons"].items()))
+    page, text = ROOT / "docs" / "proved.md", markdown.text(Document("", tuple(blocks)))
+    page.write_text(markdown.with_block(page.read_text(), "proofs", text))
 
 
 _DIGITS = 30
