@@ -59,9 +59,9 @@ def between(low: Ball, high: Ball) -> Ball:
     return low.union(high)
 
 
-def radius(ball: Ball) -> float:
-    """An upper bound of a ball's radius."""
-    return float(ball.rad().upper()) * (1 + 1e-15)
+def identity(n: int) -> Matrix:
+    """The identity, n times n."""
+    return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
 
 
 def as_decimals(ball: Ball) -> tuple[Decimal, Decimal]:

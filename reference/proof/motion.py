@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
@@ -89,6 +90,7 @@ class Limits:
 
 _SHORTER = 3  # times that a step is made with a quarter of its length, to decide an event
 _FINITE = "accelerations stay finite"
+_REGULAR = "loops keep their rank (a singular position)"
 _INEQUALITIES: dict[Kind, str] = {
     "release": "{!r} pushes",
     "impact": "{!r} is open",
@@ -429,9 +431,8 @@ class ProvedMotion:
             try:
                 step, event = self._step(stepper, phase, begin, states, last, system.functions)
             except NoTubeError:
-                loops = bool(self.problem.mechanism.loop_joints)
-                finite = "loops keep their rank (a singular position)"
-                raise UndecidedError(finite if loops else _FINITE, now) from None
+                loops = self.problem.mechanism.loop_joints
+                raise UndecidedError(_REGULAR if loops else _FINITE, now) from None
             phase.steps.append(step)
             if event is not None:
                 return None if event.time > end else event
@@ -452,15 +453,13 @@ class ProvedMotion:
         Remainders of slopes hold for all motions in the step's box, and are wide over a long one.
         """
         left = last - begin
-        for k in range(_SHORTER + 1):
+        for _ in range(_SHORTER):
             step = stepper.step(begin, states, left)
-            try:
+            with suppress(UndecidedError):
                 return step, self._first(phase, step, functions)
-            except UndecidedError:
-                if k == _SHORTER:
-                    raise
             left = step.length / 4
-        raise AssertionError
+        step = stepper.step(begin, states, left)
+        return step, self._first(phase, step, functions)
 
     def _count(self, now: Ball) -> None:
         self._steps += 1

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.arrays import FloatArray
-from .balls import Ball, Matrix, arb, arb_mat, precision
+from .balls import Ball, Matrix, arb, arb_mat, identity, precision
 
 BITS = 80
 """Precision of boxes, bases and spreads, which are wide or small."""
@@ -110,11 +110,6 @@ def flow_derivative(jacobian: Matrix, time: Ball, sizes: FloatArray) -> Matrix:
 
 def _diagonal(values: FloatArray) -> Matrix:
     return arb_mat(np.diag(values).tolist())
-
-
-def identity(n: int) -> Matrix:
-    """The identity, n times n."""
-    return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
 
 
 def alike(jacobian: Matrix) -> FloatArray:

@@ -10,9 +10,8 @@ x~ lies a tube, a box; as long as a motion is in it,
 
     |x - x~| <= P (|x_0 - c_0| + D t^(p+1) / (p + 1)),
 
-with P = |d phi / d y| from the tube's Jacobian,
-
-and where that is less than the tube is wide, no motion leaves it (the comparison is that of Neher,
+with P = |d phi / d y| from the tube's Jacobian. Where that is less than the tube is wide, no motion
+leaves it (the comparison is that of Neher,
 Jackson and Nedialkov, *On Taylor model based integration of ODEs*, SIAM J. Numer. Anal. 45 (2007)
 236, with a defect in place of a Picard operator). A remainder from the coefficients of motions
 from anywhere in a box (Moore, *Methods and Applications of Interval Analysis*, 1979, ch. 8) would
@@ -32,10 +31,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...models.arrays import FloatArray
-from .balls import Ball, Matrix, arb, arb_mat, between, exact, precision
+from .balls import Ball, Matrix, arb, arb_mat, between, exact, identity, precision
 from .gradients import gradients
 from .remainders import Remainders, remainders
-from .sets import BITS, StateSet, alike, flow_derivative, identity, widths
+from .sets import BITS, StateSet, alike, flow_derivative, widths
 from .tape import Expansion, Series, Tape
 
 _CHANGE = 0.05  # growth over a part of a step that its Jacobian's width adds
@@ -71,6 +70,24 @@ class TaylorModel:
         return TaylorModel(kept, len(self.coefficients) * self.remainder)
 
 
+class Tube(NamedTuple):
+    """A box that no motion leaves over a step, and what follows."""
+
+    box: list[Ball]
+    jacobian: Matrix
+    """Jacobian of the rates by the state, in the box."""
+    sizes: FloatArray
+    """Sizes of the state's parts that are alike there."""
+    remainders: list[Ball]
+    """Remainders of q and u, in parts of t^(p+1)."""
+    of_functions: list[Ball]
+    """Those of the functions."""
+    apart: list[Ball]
+    """Bounds of how far other motions are from that of the set's centre."""
+    off: list[Ball]
+    """And of their functions."""
+
+
 @dataclass(frozen=True)
 class Step:
     """A step of the motions of a set of states, and of functions of them."""
@@ -80,14 +97,9 @@ class Step:
     length: Fraction
     states: StateSet
     """At the start."""
-    box: Sequence[Ball]
-    """A box that no motion leaves."""
-    apart: Sequence[Ball]
-    """Bounds of how far other motions are from that of the set's centre."""
+    tube: Tube
     system: Tape
     numbers: Sequence[Ball]
-    slopes: Sequence[Sequence[Ball]]
-    """Derivatives of the accelerations, then the functions, by the state, over the box."""
     motion: Sequence[TaylorModel]
     """Models of q, then of u, of the motion of the set's centre."""
     functions: Sequence[TaylorModel]
@@ -101,7 +113,7 @@ class Step:
     def at(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
         """Coordinates and speeds at a time since the step's start [s]."""
         with precision(BITS):
-            derivative = flow_derivative(self._jacobian, t, self._sizes)
+            derivative = flow_derivative(self.tube.jacobian, t, self.tube.sizes)
             off = widths(derivative * self.states.basis, self.states.spread)
         values = [model.at(t) + arb(0, w) for model, w in zip(self.motion, off, strict=True)]
         return values[: len(values) // 2], values[len(values) // 2 :]
@@ -109,36 +121,29 @@ class Step:
     def reached(self) -> StateSet:
         """The states at its end."""
         with precision(BITS):
-            parts = 1 << min(_MOST_HALVINGS, max(0, math.ceil(math.log2(self._change / _CHANGE))))
+            halvings = math.ceil(math.log2(self._change / _CHANGE))
+            parts = 1 << min(_MOST_HALVINGS, max(0, halvings))
             ends = [exact(self.length * k / parts) for k in range(parts + 1)]
             derivative = identity(len(self.motion))
             for begin, end in pairwise(ends):
                 inside = self._inside(between(begin, end))
                 jacobian = state_jacobian(gradients(self.system, self.numbers, *inside))
-                flow = flow_derivative(jacobian, end - begin, self._sizes)
+                flow = flow_derivative(jacobian, end - begin, self.tube.sizes)
                 derivative = flow * derivative
         reached = [model.at(exact(self.length)) for model in self.motion]
-        return self.states.moved(reached, derivative, self._sizes)
+        return self.states.moved(reached, derivative, self.tube.sizes)
 
     @property
     def _change(self) -> float:
         """Growth that the Jacobian's change over the step may be taken for; positive."""
-        rates = np.array([[float(x.rad()) for x in row] for row in self._jacobian.tolist()])
-        growth = np.max(rates @ self._sizes / self._sizes)
-        return float(growth) * float(self.length) + _CHANGE
-
-    @cached_property
-    def _sizes(self) -> FloatArray:
-        return alike(self._jacobian)
-
-    @cached_property
-    def _jacobian(self) -> Matrix:
-        return state_jacobian(self.slopes)
+        jacobian, sizes = self.tube.jacobian.tolist(), self.tube.sizes
+        rates = np.array([[float(x.rad()) for x in row] for row in jacobian])
+        return float(np.max(rates @ sizes / sizes)) * float(self.length) + _CHANGE
 
     def _inside(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
         """Enclose all motions over a part of the step."""
-        values = [m.at(t) + arb(0, w) for m, w in zip(self.motion, self.apart, strict=True)]
-        kept = [x.intersection(b) for x, b in zip(values, self.box, strict=True)]
+        values = [m.at(t) + arb(0, w) for m, w in zip(self.motion, self.tube.apart, strict=True)]
+        kept = [x.intersection(b) for x, b in zip(values, self.tube.box, strict=True)]
         return kept[: len(kept) // 2], kept[len(kept) // 2 :]
 
     @cached_property
@@ -148,13 +153,13 @@ class Step:
         Their remainders are the next coefficients anywhere in the box (Lagrange), as those of
         derivatives follow from them, and not from bounds of the functions' own values.
         """
-        order, half = len(self.motion[0].coefficients) - 1, len(self.box) // 2
-        around = self.states.box()
-        expansion = self.system.expand(self.numbers, around[:half], around[half:], order)
+        order, n_q = len(self.motion[0].coefficients) - 1, self.system.n_q
+        around, box = self.states.box(), self.tube.box
+        expansion = self.system.expand(self.numbers, around[:n_q], around[n_q:], order)
         with precision(BITS):
-            box = self.system.expand(self.numbers, self.box[:half], self.box[half:], order + 1)
-        places = range(half, len(expansion.outputs))
-        return [TaylorModel(expansion.output(i), box.output(i)[-1]) for i in places]
+            on_box = self.system.expand(self.numbers, box[:n_q], box[n_q:], order + 1)
+        places = range(n_q, len(expansion.outputs))
+        return [TaylorModel(expansion.output(i), on_box.output(i)[-1]) for i in places]
 
 
 class NoTubeError(Exception):
@@ -215,11 +220,9 @@ class StepMaker:
                 start=start,
                 length=length,
                 states=states,
-                box=tube.box,
-                apart=tube.apart,
+                tube=tube,
                 system=self.tape,
                 numbers=self.numbers,
-                slopes=tube.slopes,
                 motion=list(map(TaylorModel, expansion.state, tube.remainders)),
                 functions=[
                     TaylorModel([c[0] + arb(0, w), *c[1:]], r)
@@ -237,7 +240,7 @@ class StepMaker:
                 longest = min(longest, -(self.bits + size) / order)
         return 2.0 ** min(longest, _LONGEST)
 
-    def _tube(self, states: StateSet, expansion: Expansion, length: Ball) -> _Tube | None:
+    def _tube(self, states: StateSet, expansion: Expansion, length: Ball) -> Tube | None:
         """A tube that no motion leaves over a step; None: this one is not shown to be one.
 
         Args:
@@ -254,17 +257,19 @@ class StepMaker:
         if not all(x.is_finite() for x in known):
             return None
         jacobian = state_jacobian(slopes)
-        flow = flow_derivative(jacobian, between(arb(0), length), alike(jacobian))
+        sizes = alike(jacobian)
+        flow = flow_derivative(jacobian, between(arb(0), length), sizes)
         grown, of_functions = _left_out(expansion, over, flow, slopes, length)
-        apart = widths(flow * states.basis, states.spread)
+        moved = flow * states.basis
+        apart = widths(moved, states.spread)
         power = length ** (self.order + 1)
         for w, r, off in zip(room, grown, apart, strict=True):
             if not off + r.abs_upper() * power < w:
                 return None
         off = list[Ball]()
         if of_functions:
-            off = widths(arb_mat(slopes[n_q:]) * flow * states.basis, states.spread)
-        return _Tube(box, slopes, grown, of_functions, apart, off)
+            off = widths(arb_mat(slopes[n_q:]) * moved, states.spread)
+        return Tube(box, jacobian, sizes, grown, of_functions, apart, off)
 
 
 def _left_out(
@@ -296,22 +301,6 @@ def _left_out(
             total = total + slope * r
         of_functions.append(total)
     return grown, of_functions
-
-
-class _Tube(NamedTuple):
-    """A box that no motion leaves over a step, and what follows."""
-
-    box: list[Ball]
-    slopes: list[list[Ball]]
-    """Derivatives of the accelerations, then the functions, by the state, in the box."""
-    remainders: list[Ball]
-    """Remainders of q and u, in parts of t^(p+1)."""
-    of_functions: list[Ball]
-    """Those of the functions."""
-    apart: list[Ball]
-    """Bounds of how far other motions are from that of the set's centre."""
-    off: list[Ball]
-    """And of their functions."""
 
 
 def _room(over: Ball, start: Ball) -> Ball:

@@ -22,7 +22,7 @@ from fractions import Fraction
 from operator import mul
 from typing import Any, NamedTuple
 
-from .balls import Ball, Matrix, arb, arb_mat, squared
+from .balls import Ball, Matrix, arb, arb_mat, identity, squared
 
 Series = list[Ball]
 """Coefficients of t^0, t^1, ..."""
@@ -326,13 +326,12 @@ class Factored(NamedTuple):
     @classmethod
     def of(cls, matrix: Matrix) -> Factored:
         """Invert the middle of a matrix, and bound what others of its balls have beside it."""
-        n = range(matrix.nrows())
-        unit = arb_mat([[int(i == j) for j in n] for i in n])
+        unit = identity(matrix.nrows())
         inverse = matrix.mid().solve(unit, nonstop=True, algorithm="approx").mid()
         off = _sizes(unit - inverse * matrix)
         rest = (unit - off).inv(nonstop=True)
         # There is w > 0 with |E| w < w.
-        w = (rest * arb_mat([[1]] * len(n))).mid()
+        w = (rest * arb_mat([[1]] * matrix.nrows())).mid()
         known = all(x > 0 for x in (*w.entries(), *((unit - off) * w).entries()))
         return cls(matrix, inverse, rest * off if known else None)
 

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from trebucheck.reference.proof import remainders
-from trebucheck.reference.proof.balls import arb, between, exact, precision
+from trebucheck.reference.proof import gradients, remainders, tape
+from trebucheck.reference.proof.balls import arb, exact, precision
 from trebucheck.reference.proof.steps import TaylorModel
 from trebucheck.reference.proof.tape import Algebra, Tape
 
@@ -110,4 +110,8 @@ def test_what_may_not_exist_is_not_finite() -> None:
         expansion = tape.expand([], [arb(1) / 16], [arb(-1)], _ORDER)
         known = remainders.remainders(expansion, arb(2))
         assert not any(r.is_finite() for r in known.outputs[1:])
-        assert between(arb(0), arb(1)).is_finite()
+        assert known.outputs[0].is_finite()
+
+
+def test_every_operation_has_its_derivatives_and_its_remainder() -> None:
+    assert gradients._ROWS.keys() == remainders._MODELS.keys() == tape._EXTEND.keys()
