@@ -64,6 +64,12 @@ def identity(n: int) -> Matrix:
     return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
 
 
+def absolute(matrix: Matrix) -> Matrix:
+    """Upper bounds of absolute values, exact."""
+    sizes = [x.abs_upper() for x in matrix.entries()]
+    return arb_mat(matrix.nrows(), matrix.ncols(), sizes)
+
+
 def as_decimals(ball: Ball) -> tuple[Decimal, Decimal]:
     """Value and radius as decimals that enclose the ball.
 

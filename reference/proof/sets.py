@@ -14,7 +14,6 @@ motions themselves part.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -25,11 +24,8 @@ from .balls import Ball, Matrix, arb, arb_mat, identity, precision
 
 BITS = 80
 """Precision of boxes, bases and spreads, which are wide or small."""
-_TERMS = 14  # of the exponential, at least
-_TERMS_PER_NORM = 8
 _ITERATIONS = 60  # of the Perron vector, which need not be exact
 _LEAST_SIZE = 1e-6  # of a part, to the largest
-_LARGEST = 100.0  # norm of a step's Jacobian times its length
 
 
 @dataclass(frozen=True)
@@ -81,35 +77,6 @@ def widths(matrix: Matrix, spread: Sequence[Ball]) -> list[Ball]:
         total: Ball = sum((x.abs_upper() * r for x, r in zip(row, spread, strict=True)), arb(0))
         bounds.append(total.upper())
     return bounds
-
-
-def flow_derivative(jacobian: Matrix, time: Ball, sizes: FloatArray) -> Matrix:
-    """Enclose d phi_t / d y, where the Jacobian of the rates stays in a matrix of balls.
-
-    It is the sum over k of the integrals of products J(t_1) ... J(t_k) over t_1 > ... > t_k, each
-    within J^k t^k / k! (Peano and Baker). The terms left out are bounded by a geometric series.
-
-    Args:
-        jacobian, time: J and t [s].
-        sizes: of the state's parts that are alike (:func:`alike`), in which norms are taken.
-    """
-    n = len(sizes)
-    scaled = _diagonal(1 / sizes) * jacobian * _diagonal(sizes) * time
-    norm = max(widths(scaled, [arb(1)] * n), key=float)
-    if not norm < _LARGEST:
-        return arb_mat(n, n, [arb.nan()] * (n * n))
-    n_terms = max(_TERMS, math.ceil(_TERMS_PER_NORM * float(norm)))
-    term = total = identity(n)
-    for k in range(1, n_terms + 1):
-        term = term * scaled / k
-        total = total + term
-    left = norm ** (n_terms + 1) / arb.fac_ui(n_terms + 1) / (1 - norm / (n_terms + 2))
-    rest = arb_mat(n, n, [arb(0, left.abs_upper())] * (n * n))
-    return _diagonal(sizes) * (total + rest) * _diagonal(1 / sizes)
-
-
-def _diagonal(values: FloatArray) -> Matrix:
-    return arb_mat(np.diag(values).tolist())
 
 
 def alike(jacobian: Matrix) -> FloatArray:

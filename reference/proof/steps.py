@@ -25,20 +25,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
-import numpy as np
-
 from ...models.arrays import FloatArray
-from .balls import Ball, Matrix, arb, arb_mat, between, exact, identity, precision
-from .gradients import gradients
-from .remainders import Remainders, remainders
-from .sets import BITS, StateSet, alike, flow_derivative, widths
+from .balls import Ball, Matrix, arb, arb_mat, between, exact, precision
+from .flow import FlowDerivative, flow_bound, flow_derivative
+from .gradients import gradients, slope_models
+from .remainders import models, powers, remainders
+from .sets import BITS, StateSet, alike, widths
 from .tape import Expansion, Series, Tape
 
-_CHANGE = 0.05  # growth over a part of a step that its Jacobian's width adds
-_MOST_HALVINGS = 6  # of a step into such parts
+_DERIVATIVE_ORDER = 6  # of the flow's derivative, whose error widens a set by its part only
 _WIDER = 0.01  # a tube about a polynomial's values, in parts of their radius
 _LEAST_ROOM = 1e-9  # and in parts of the values
 _MORE = 4  # and in radii of the start
@@ -82,10 +79,10 @@ class Tube(NamedTuple):
     """Remainders of q and u, in parts of t^(p+1)."""
     of_functions: list[Ball]
     """Those of the functions."""
-    apart: list[Ball]
-    """Bounds of how far other motions are from that of the set's centre."""
+    flow: Matrix
+    """Derivatives of the flow between any two times of the step."""
     off: list[Ball]
-    """And of their functions."""
+    """Bounds of how far functions of other motions are from those of the centre's."""
 
 
 @dataclass(frozen=True)
@@ -113,38 +110,38 @@ class Step:
     def at(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
         """Coordinates and speeds at a time since the step's start [s]."""
         with precision(BITS):
-            derivative = flow_derivative(self.tube.jacobian, t, self.tube.sizes)
-            off = widths(derivative * self.states.basis, self.states.spread)
+            off = widths(self._derivative.at(t) * self.states.basis, self.states.spread)
         values = [model.at(t) + arb(0, w) for model, w in zip(self.motion, off, strict=True)]
         return values[: len(values) // 2], values[len(values) // 2 :]
 
     def reached(self) -> StateSet:
         """The states at its end."""
+        end = exact(self.length)
         with precision(BITS):
-            halvings = math.ceil(math.log2(self._change / _CHANGE))
-            parts = 1 << min(_MOST_HALVINGS, max(0, halvings))
-            ends = [exact(self.length * k / parts) for k in range(parts + 1)]
-            derivative = identity(len(self.motion))
-            for begin, end in pairwise(ends):
-                inside = self._inside(between(begin, end))
-                jacobian = state_jacobian(gradients(self.system, self.numbers, *inside))
-                flow = flow_derivative(jacobian, end - begin, self.tube.sizes)
-                derivative = flow * derivative
-        reached = [model.at(exact(self.length)) for model in self.motion]
+            derivative = self._derivative.at(end)
+        reached = [model.at(end) for model in self.motion]
         return self.states.moved(reached, derivative, self.tube.sizes)
 
-    @property
-    def _change(self) -> float:
-        """Growth that the Jacobian's change over the step may be taken for; positive."""
-        jacobian, sizes = self.tube.jacobian.tolist(), self.tube.sizes
-        rates = np.array([[float(x.rad()) for x in row] for row in jacobian])
-        return float(np.max(rates @ sizes / sizes)) * float(self.length) + _CHANGE
+    @cached_property
+    def _derivative(self) -> FlowDerivative:
+        return self.flow_derivative(min(_DERIVATIVE_ORDER, len(self.motion[0].coefficients) - 1))
 
-    def _inside(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
-        """Enclose all motions over a part of the step."""
-        values = [m.at(t) + arb(0, w) for m, w in zip(self.motion, self.tube.apart, strict=True)]
-        kept = [x.intersection(b) for x, b in zip(values, self.tube.box, strict=True)]
-        return kept[: len(kept) // 2], kept[len(kept) // 2 :]
+    def flow_derivative(self, order: int) -> FlowDerivative:
+        """Enclose the flow's derivative at all states of the set, by models of an order."""
+        n_q, length, around = self.system.n_q, exact(self.length), self.states.box()
+        with precision(BITS):
+            expansion = self.system.expand(self.numbers, around[:n_q], around[n_q:], order)
+            over = remainders(expansion, length)
+            if not all(b.contains(x) for b, x in zip(self.tube.box, over.state, strict=True)):
+                return FlowDerivative([], self.tube.flow)  # the polynomials may leave the tube
+            grown = _left_out(expansion, over.outputs, self.tube.flow, length)
+            along = models(expansion, length, grown)
+            slopes = [part.tolist() for part in slope_models(self.system, along)[:n_q]]
+            jacobian: list[Matrix] = []
+            for k in range(order + 2):
+                rows = [[x[k] for x in row] for row in slopes]
+                jacobian.append(state_jacobian(rows, unit=k == 0))
+            return flow_derivative(jacobian, powers(length, order + 1), self.tube.flow)
 
     @cached_property
     def of_all(self) -> list[TaylorModel]:
@@ -258,8 +255,12 @@ class StepMaker:
             return None
         jacobian = state_jacobian(slopes)
         sizes = alike(jacobian)
-        flow = flow_derivative(jacobian, between(arb(0), length), sizes)
-        grown, of_functions = _left_out(expansion, over, flow, slopes, length)
+        flow = flow_bound(jacobian, between(arb(0), length), sizes)
+        grown = _left_out(expansion, over.outputs, flow, length)
+        of_functions: list[Ball] = []
+        for row, along in zip(slopes[n_q:], over.outputs[n_q:], strict=True):
+            beside = (slope * r for slope, r in zip(row, grown, strict=True))
+            of_functions.append(sum(beside, along))
         moved = flow * states.basis
         apart = widths(moved, states.spread)
         power = length ** (self.order + 1)
@@ -269,38 +270,28 @@ class StepMaker:
         off = list[Ball]()
         if of_functions:
             off = widths(arb_mat(slopes[n_q:]) * moved, states.spread)
-        return Tube(box, jacobian, sizes, grown, of_functions, apart, off)
+        return Tube(box, jacobian, sizes, grown, of_functions, flow, off)
 
 
 def _left_out(
-    expansion: Expansion,
-    over: Remainders,
-    flow: Matrix,
-    slopes: Sequence[Sequence[Ball]],
-    length: Ball,
-) -> tuple[list[Ball], list[Ball]]:
-    """Enclose what motions and functions have beside their polynomials, in parts of t^(p+1).
+    expansion: Expansion, outputs: Sequence[Ball], flow: Matrix, length: Ball
+) -> list[Ball]:
+    """Enclose what motions have beside their polynomials, in parts of t^(p+1).
 
     Args:
-        expansion, over: of the motion, and what its polynomial has along it.
-        flow, slopes: derivatives over a tube with the motion and its polynomial.
+        expansion: of the motions.
+        outputs: remainders of the accelerations along the polynomials.
+        flow: its derivatives over a tube with the motions and their polynomials.
         length: of the step [s].
     """
     n_q = len(expansion.state) // 2
     order = len(expansion.state[0]) - 1
     # q~' has not the last coefficient of u~, nor u~' that of the accelerations.
     defect = [series[order].abs_upper() for series in expansion.state[n_q:]]
-    for i, r in enumerate(over.outputs[:n_q]):
+    for i, r in enumerate(outputs[:n_q]):
         last = expansion.output(i)[order].abs_upper()
         defect.append((last + length * r.abs_upper()).upper())
-    grown = [arb(0, (x / (order + 1)).upper()) for x in widths(flow, defect)]
-    of_functions: list[Ball] = []
-    for row, along in zip(slopes[n_q:], over.outputs[n_q:], strict=True):
-        total: Ball = along
-        for slope, r in zip(row, grown, strict=True):
-            total = total + slope * r
-        of_functions.append(total)
-    return grown, of_functions
+    return [arb(0, (x / (order + 1)).upper()) for x in widths(flow, defect)]
 
 
 def _room(over: Ball, start: Ball) -> Ball:
@@ -316,10 +307,15 @@ def _factor(excess: float) -> float:
     return min(max(_CLOSER * 2.0 ** min(-excess, 2.0), _LEAST_FACTOR), 2.0)
 
 
-def state_jacobian(slopes: Sequence[Sequence[Ball]]) -> Matrix:
-    """Jacobian of the rates of q and u by the state, from the derivatives of the accelerations."""
+def state_jacobian(slopes: Sequence[Sequence[Ball]], unit: bool = True) -> Matrix:
+    """Jacobian of the rates of q and u by the state, from the derivatives of the accelerations.
+
+    Args:
+        slopes: of the accelerations, or a coefficient of theirs.
+        unit: whether the coordinates' rates are in it.
+    """
     n = len(slopes[0])
-    rates = [[int(j == i + n // 2) for j in range(n)] for i in range(n // 2)]
+    rates = [[int(unit and j == i + n // 2) for j in range(n)] for i in range(n // 2)]
     return arb_mat([*rates, *slopes[: n // 2]])
 
 

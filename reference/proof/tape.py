@@ -22,7 +22,7 @@ from fractions import Fraction
 from operator import mul
 from typing import Any, NamedTuple
 
-from .balls import Ball, Matrix, arb, arb_mat, identity, squared
+from .balls import Ball, Matrix, absolute, arb, arb_mat, identity, squared
 
 Series = list[Ball]
 """Coefficients of t^0, t^1, ..."""
@@ -328,7 +328,7 @@ class Factored(NamedTuple):
         """Invert the middle of a matrix, and bound what others of its balls have beside it."""
         unit = identity(matrix.nrows())
         inverse = matrix.mid().solve(unit, nonstop=True, algorithm="approx").mid()
-        off = _sizes(unit - inverse * matrix)
+        off = absolute(unit - inverse * matrix)
         rest = (unit - off).inv(nonstop=True)
         # There is w > 0 with |E| w < w.
         w = (rest * arb_mat([[1]] * matrix.nrows())).mid()
@@ -341,14 +341,8 @@ class Factored(NamedTuple):
         off = self.inverse * (right - self.matrix * about)
         if self.excess is None:
             return arb_mat(right.nrows(), right.ncols(), [arb.nan()] * len(right.entries()))
-        wide = [arb(0, x.upper()) for x in (self.excess * _sizes(off)).entries()]
+        wide = [arb(0, x.upper()) for x in (self.excess * absolute(off)).entries()]
         return about + off + arb_mat(right.nrows(), right.ncols(), wide)
-
-
-def _sizes(matrix: Matrix) -> Matrix:
-    """Upper bounds of absolute values, exact."""
-    sizes = [x.abs_upper() for x in matrix.entries()]
-    return arb_mat(matrix.nrows(), matrix.ncols(), sizes)
 
 
 def unknowns(of: Sequence[int]) -> int:
