@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from decimal import ROUND_CEILING, Context, Decimal
 from fractions import Fraction
@@ -62,6 +62,12 @@ def between(low: Ball, high: Ball) -> Ball:
 def identity(n: int) -> Matrix:
     """The identity, n times n."""
     return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
+
+
+def diagonal(values: Sequence[Ball | float]) -> Matrix:
+    """The matrix with such a diagonal."""
+    n = range(len(values))
+    return arb_mat([[values[i] if i == j else 0 for j in n] for i in n])
 
 
 def absolute(matrix: Matrix) -> Matrix:

@@ -17,11 +17,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ...models.arrays import FloatArray
-from .balls import Ball, Matrix, absolute, arb, arb_mat, identity
-from .sets import widths
+from .balls import Ball, Matrix, absolute, arb, arb_mat, diagonal, identity
+from .sets import sums
 
 _TERMS = 14  # of the exponential, at least
 _TERMS_PER_NORM = 8
@@ -82,8 +80,9 @@ def flow_bound(jacobian: Matrix, time: Ball, sizes: FloatArray) -> Matrix:
         sizes: of the state's parts that are alike (:func:`.sets.alike`), in which norms are taken.
     """
     n = len(sizes)
-    scaled = _diagonal(1 / sizes) * jacobian * _diagonal(sizes) * time
-    norm = max(widths(scaled, [arb(1)] * n), key=float)
+    stretched, shrunk = diagonal(sizes.tolist()), diagonal((1 / sizes).tolist())
+    scaled = shrunk * jacobian * stretched * time
+    norm = max(sums(scaled), key=float)
     if not norm < _LARGEST:
         return arb_mat(n, n, [arb.nan()] * (n * n))
     n_terms = max(_TERMS, math.ceil(_TERMS_PER_NORM * float(norm)))
@@ -93,8 +92,4 @@ def flow_bound(jacobian: Matrix, time: Ball, sizes: FloatArray) -> Matrix:
         total = total + term
     left = norm ** (n_terms + 1) / arb.fac_ui(n_terms + 1) / (1 - norm / (n_terms + 2))
     rest = arb_mat(n, n, [arb(0, left.abs_upper())] * (n * n))
-    return _diagonal(sizes) * (total + rest) * _diagonal(1 / sizes)
-
-
-def _diagonal(values: FloatArray) -> Matrix:
-    return arb_mat(np.diag(values).tolist())
+    return stretched * (total + rest) * shrunk

@@ -345,6 +345,17 @@ class ProvedMotion:
         """The launch; None: it has not come."""
         return next((event for event in self.events if event.kind == "launch"), None)
 
+    @property
+    def grown(self) -> tuple[float, float] | None:
+        """Time of the last step [s] and half the width of its set there; None: nothing has grown."""
+        phase = self.phases[-1]
+        if not phase.steps:
+            return None
+        step = phase.steps[-1]
+        now = float(phase.start.mid()) + float(step.start)
+        spread = max(float(x.rad()) for x in step.states.box())
+        return (now, spread) if now > 0.0 and spread > 0.0 else None
+
     def projectile_velocity(self, state: State) -> Complex:
         """Velocity of the projectile, which there must be, x + i y [m/s]."""
         marker = self.problem.mechanism.marker(PROJECTILE)

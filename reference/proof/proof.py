@@ -312,7 +312,13 @@ def prove(
                 undecided += 1
                 if undecided > _UNDECIDED_TRIALS:
                     raise
-                kept += _AGAIN * 2 ** (undecided - 1)
+                more = _AGAIN * 2 ** (undecided - 1)
+                if end is not None and motion.grown is not None:
+                    since, spread = motion.grown
+                    # The sets may grow by as many digits a second until the end.
+                    lost = (kept + math.log10(spread)) * float(end) / since
+                    more = max(more, math.ceil(digits + lost + _MORE) - kept)
+                kept += more
                 continue
         spent = time.process_time() - began
         proof = Proof(motion, end, digits, bits, trial, spent)

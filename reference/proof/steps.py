@@ -110,7 +110,7 @@ class Step:
     def at(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
         """Coordinates and speeds at a time since the step's start [s]."""
         with precision(BITS):
-            off = widths(self._derivative.at(t) * self.states.basis, self.states.spread)
+            off = self.states.apart(self._derivative.at(t))
         values = [model.at(t) + arb(0, w) for model, w in zip(self.motion, off, strict=True)]
         return values[: len(values) // 2], values[len(values) // 2 :]
 
@@ -261,15 +261,14 @@ class StepMaker:
         for row, along in zip(slopes[n_q:], over.outputs[n_q:], strict=True):
             beside = (slope * r for slope, r in zip(row, grown, strict=True))
             of_functions.append(sum(beside, along))
-        moved = flow * states.basis
-        apart = widths(moved, states.spread)
+        apart = states.apart(flow)
         power = length ** (self.order + 1)
         for w, r, off in zip(room, grown, apart, strict=True):
             if not off + r.abs_upper() * power < w:
                 return None
         off = list[Ball]()
         if of_functions:
-            off = widths(arb_mat(slopes[n_q:]) * moved, states.spread)
+            off = states.apart(arb_mat(slopes[n_q:]) * flow)
         return Tube(box, jacobian, sizes, grown, of_functions, flow, off)
 
 

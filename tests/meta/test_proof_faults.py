@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 import trebucheck as tb
 from trebucheck.reference.proof import events, flow, motion, sets, steps
-from trebucheck.reference.proof.balls import arb, between, exact, precision
+from trebucheck.reference.proof.balls import arb, between, exact, identity, precision
 from trebucheck.reference.proof.motion import Limits, ProvedMotion
 from trebucheck.reference.taylor.expressions import TaylorSystem
 
@@ -88,7 +88,7 @@ def _without_spread(moved: Callable[..., Any]) -> Callable[..., Any]:
     """A set that forgets how far its states were apart before the step."""
 
     def forgetting(self: Any, reached: Any, derivative: Any, sizes: Any) -> Any:
-        still = dataclasses.replace(self, spread=[arb(0)] * len(self.spread))
+        still = dataclasses.replace(self, generators=0 * self.generators)
         return moved(still, reached, derivative, sizes)
 
     return forgetting
@@ -96,7 +96,7 @@ def _without_spread(moved: Callable[..., Any]) -> Callable[..., Any]:
 
 def _standing(self: Any, t: Any) -> Any:
     """States that keep their distances."""
-    return sets.identity(self.remainder.nrows())
+    return identity(self.remainder.nrows())
 
 
 def _in_doubles(value: Fraction) -> Any:

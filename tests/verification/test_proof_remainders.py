@@ -97,7 +97,7 @@ def _wrong_flow(q: float, u: float, order: int) -> list[str]:
     with precision(160):
         states = StateSet.of([arb(q) + wide, arb(u) + wide])
         step = StepMaker(tape, [], 24, 100.0).step(Fraction(0), states, _LENGTH)
-        apart = [states.spread[0], -states.spread[1]]
+        apart = [2 * wide.rad(), -2 * wide.rad()]
         ends: list[list[Ball]] = []
         for sign in (1, -1):
             start = [x + sign * off / 2 for x, off in zip(states.centre, apart, strict=True)]
