@@ -32,8 +32,9 @@ def certify_command(call: Call) -> bool:
 
     Formulations: minimal and redundant coordinates, the paper's equations. Integrators: DOP853 over
     a ladder of tolerances, and Taylor series in double and extended precision where heyoka is
-    installed. Motions go to the launch, or as long as a problem of the library asks for. Ends with
-    exit code 1 if a machine's motion could not be computed.
+    installed. Beside each figure is what a proof encloses, or why none does. Motions go to the
+    launch, or as long as a problem of the library asks for. Ends with exit code 1 if a machine's
+    motion could not be computed, or if the proof contradicts a certificate that is there already.
 
     Examples:
     trebucheck certify --out certificates
@@ -42,7 +43,7 @@ def certify_command(call: Call) -> bool:
 
     trebucheck certify --models squeezer
     """
-    from ..comparisons.certify import certify
+    from ..comparisons.certify import certify, refuse_contradicted
     from ..comparisons.report import html
     from ..comparisons.report.pages.run import certificate_report
     from ..models.files import refuse_unwritable, write_text
@@ -52,6 +53,7 @@ def certify_command(call: Call) -> bool:
     certificates: list[str] = []
     for name, model in zip(options.names(call.values["models"], "--models"), models, strict=True):
         mechanism = mechanism_of(model)
+        path = call.out / f"{mechanism.name}.json"
         # The line that makes the same figures again.
         line = ["trebucheck", "certify", "--models", name]
         for text in call.set or []:
@@ -72,11 +74,11 @@ def certify_command(call: Call) -> bool:
                         f"{m.name}: {what}", done, of
                     ),
                 )
+            refuse_contradicted(path, certificate)
         except SimulationError as error:  # the others must not be lost with it
             print(f"error: {mechanism.name}: {error}", file=sys.stderr)
             continue
         certificates.append(certificate.to_json())
-        path = call.out / f"{mechanism.name}.json"
         report, page = certificate_report(certificate), path.with_suffix(".html")
         write_text(path, certificate.to_json() + "\n")
         write_text(page, html.page(report))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+from ..models.errors import InputError, SimulationError
 from ..models.library.registry import Model, model_of
 from ..models.library.trebuchet import TrebuchetParameters
 from ..models.problem import Problem, StopLaw
@@ -61,3 +63,25 @@ def certify(
             command=command,
         )
         return make(progress=progress, call=worker.compute)
+
+
+def refuse_contradicted(path: Path, certificate: Certificate) -> None:
+    """Hold a file with an older certificate of the mechanism, if it is one, against a proof.
+
+    Raises:
+        SimulationError: the proof contradicts one of its figures.
+    """
+    try:
+        older = Certificate.from_json(path.read_bytes())
+    except (OSError, InputError):
+        return  # no certificate
+    if older.mechanism_hash != certificate.mechanism_hash:
+        return
+    for figure in older.figures:
+        newer = certificate.figure(figure.name, figure.subject, figure.at)
+        if newer is None:
+            continue
+        try:
+            figure.with_fields(proved_value=newer.proved_value, proved_radius=newer.proved_radius)
+        except InputError as error:
+            raise SimulationError(f"{path}, which is kept: {error}") from None

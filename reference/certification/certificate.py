@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator
+from fractions import Fraction
 from functools import cache
 from importlib.resources import files
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ...models.arrays import FloatArray
 from ...models.mechanism import Mechanism
@@ -65,6 +66,30 @@ class Figure(Spec):
     value: Real
     uncertainty: NonNegative
     values: dict[str, Real] = Field(description="by name of computation")
+    proved_value: str | None = Field(
+        default=None, description="of an enclosure in ball arithmetic, decimal digits"
+    )
+    proved_radius: str | None = Field(
+        default=None, description="the exact value is within it of the proved one"
+    )
+    not_proved: str | None = Field(default=None, description="why there is no such enclosure")
+
+    @model_validator(mode="after")
+    def _within_proof(self) -> Figure:
+        if self.proved_value is None or self.proved_radius is None:
+            return self
+        off = abs(Fraction(self.value) - Fraction(self.proved_value))
+        if off > Fraction(self.uncertainty) + Fraction(self.proved_radius):
+            raise ValueError(
+                f"{self.label} = {self.value!r} {self.unit} with an uncertainty of "
+                f"{self.uncertainty:.1e} is contradicted by a proof, which finds "
+                f"{self.proved_value} with a radius of {self.proved_radius}"
+            )
+        return self
+
+    def with_fields(self, **fields: str | None) -> Figure:
+        """The same figure with other fields; InputError if a proof contradicts it."""
+        return Figure(**{**self.model_dump(), **fields})
 
     @property
     def label(self) -> str:

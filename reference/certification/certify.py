@@ -47,6 +47,7 @@ from ..solver import characteristic_time, solve, solve_until
 from ..taylor.expressions import why_not_taylor
 from .certificate import Certificate, Computation, Figure
 from .constrained import PointState
+from .proved import proof_of, with_proof
 from .redundant import solve_redundant
 
 if TYPE_CHECKING:
@@ -391,7 +392,7 @@ def certify(
     for done, task in enumerate(tasks):
         name = task.computation.name
         if progress:
-            progress(name, done, len(tasks))
+            progress(name, done, len(tasks) + 1)
         try:
             values = call(task.compute)
         except Exception as error:  # an optional library may raise anything; it is recorded
@@ -408,10 +409,13 @@ def certify(
             versions[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
             versions[package] = "not installed"
+    if progress:
+        progress("proof", len(tasks), len(tasks) + 1)
     figures: list[Figure] = []
     for key, (value, uncertainty) in judge(by_key, computations).items():
         given = key._asdict()
         figures.append(Figure(**given, value=value, uncertainty=uncertainty, values=by_key[key]))
+    figures = call(partial(_proved, problem, plan, figures))
     return Certificate(
         model=mechanism.name,
         mechanism_hash=mechanism.content_hash,
@@ -422,6 +426,15 @@ def certify(
         absent=tuple(absent),
         figures=tuple(figures),
     )
+
+
+def _proved(problem: Problem, plan: Plan, figures: Sequence[Figure]) -> list[Figure]:
+    """The figures, with what is proved of each."""
+    launch = [figure.value for figure in figures if figure.name == "launch_time"]
+    # A little beyond the launch, which is an event of the motion then.
+    end = max([*plan.grid, *plan.halfway.values(), *(t + plan.step / _MARGINS for t in launch)])
+    proof = proof_of(problem, min(end, problem.duration))
+    return [with_proof(figure, proof) for figure in figures]
 
 
 def judge(

@@ -347,7 +347,7 @@ class ProvedMotion:
 
     @property
     def grown(self) -> tuple[float, float] | None:
-        """Time of the last step [s] and half the width of its set there; None: nothing has grown."""
+        """Time of the last step [s] and half the width of its set; None: nothing has grown."""
         phase = self.phases[-1]
         if not phase.steps:
             return None

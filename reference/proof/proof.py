@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 from ...models.errors import InputError, SimulationError
 from ...models.problem import LONGEST, Problem
 from ...models.shown import Shown
-from .balls import Ball, as_decimals, precision, rounded, squared
+from ..taylor.numbers import PROJECTILE
+from .balls import Ball, arb, as_decimals, precision, rounded, squared
 from .mechanics import SolvedForces, joint_reactions, kinetic_energy, potential_energy
-from .motion import Limits, Phase, ProvedMotion, State, UndecidedError
-from .numbers import Coordinates, as_coordinates
+from .motion import Limits, Phase, ProvedEvent, ProvedMotion, State, UndecidedError
+from .numbers import Complex, Coordinates, as_coordinates
 
 MOST_DIGITS = 200
 _SPARE = 12  # digits beside those asked for, in the first trial
@@ -52,6 +53,9 @@ class Enclosure(NamedTuple):
 
 
 Time = float | str | Decimal | Fraction
+Instant = Time | ProvedEvent
+"""A time [s]: a number is taken exactly, a text as the decimal it says; or an event of the motion,
+whose own time is a ball."""
 
 
 class ProvedFigure(NamedTuple):
@@ -118,6 +122,10 @@ class Proof(Shown):
         met = (event for event in self.motion.events if event.kind == "impact")
         return tuple((event.name, self._enclosed(event.time)) for event in met)
 
+    def time_of(self, event: ProvedEvent) -> Enclosure:
+        """Time of an event of the motion [s]."""
+        return self._enclosed(event.time)
+
     @property
     def launch_time(self) -> Enclosure | None:
         """Time of the launch at 45 degrees [s]; None: it does not come."""
@@ -135,32 +143,32 @@ class Proof(Shown):
             speed = (squared(velocity.real) + squared(velocity.imag)).sqrt()
         return self._enclosed(speed)
 
-    def q(self, t: Time) -> dict[str, Enclosure]:
+    def q(self, t: Instant) -> dict[str, Enclosure]:
         """Coordinates at a time [s] by name [rad or m].
 
         Args:
-            t: a number is taken exactly, a text as the decimal it says.
+            t: a time, or an event: before its impact, if it is one.
 
         Raises:
-            InputError: the time is outside the proved motion, or at an event.
+            InputError: the time is outside the proved motion, or within the radius of an event's.
         """
-        return self._by_coordinate(self._state(t)[1][0])
+        return self._by_coordinate(self._at(t)[0])
 
-    def u(self, t: Time) -> dict[str, Enclosure]:
+    def u(self, t: Instant) -> dict[str, Enclosure]:
         """Speeds at a time [s] by coordinate [rad/s or m/s]; see :meth:`q`."""
-        return self._by_coordinate(self._state(t)[1][1])
+        return self._by_coordinate(self._at(t)[1])
 
-    def a(self, t: Time) -> dict[str, Enclosure]:
+    def a(self, t: Instant) -> dict[str, Enclosure]:
         """Accelerations at a time [s] by coordinate [rad/s^2 or m/s^2]; see :meth:`q`."""
         return self._by_coordinate([a.real for a in self._forces(t)[2].accelerations])
 
-    def stop_torque(self, stop: str, t: Time) -> Enclosure:
+    def stop_torque(self, stop: str, t: Instant) -> Enclosure:
         """Torque (force) of a stop at a time, 0 of an open one [N m or N]; see :meth:`q`."""
         self.release_time(stop)  # refuses another name
         torque = self._forces(t)[2].torques.get(stop)
         return Enclosure(Decimal(0), Decimal(0)) if torque is None else self._enclosed(torque)
 
-    def joint_reaction(self, joint: str, t: Time) -> tuple[Enclosure, Enclosure]:
+    def joint_reaction(self, joint: str, t: Instant) -> tuple[Enclosure, Enclosure]:
         """Force on a joint's child at a time, along x and y of the world [N]; see :meth:`q`.
 
         Raises:
@@ -172,36 +180,83 @@ class Proof(Shown):
             raise InputError(f"there is no force of a joint {joint!r}; there are {[*reactions]}.")
         return self._parts(reactions[joint])
 
-    def marker(self, name: str, t: Time) -> tuple[tuple[Enclosure, ...], tuple[Enclosure, ...]]:
+    def marker(self, name: str, t: Instant) -> tuple[tuple[Enclosure, ...], tuple[Enclosure, ...]]:
         """Position [m] and velocity [m/s] of a marker at a time; see :meth:`q`.
 
         Raises:
             InputError: as of :meth:`q`, or there is no such marker.
         """
+        position, velocity = self._point(name, t)
+        return self._parts(position), self._parts(velocity)
+
+    def energy(self, t: Instant) -> tuple[Enclosure, Enclosure]:
+        """Kinetic and potential energy at a time [J]; see :meth:`q`."""
+        kinetic, potential = self._energies(t)
+        return self._enclosed(kinetic), self._enclosed(potential)
+
+    def total_energy(self, t: Instant) -> Enclosure:
+        """Their sum [J]; see :meth:`q`."""
+        with precision(self.bits):
+            return self._enclosed(sum(self._energies(t)))
+
+    def vacuum_range(self, t: Instant) -> Enclosure:
+        """Where a projectile let go at a time comes back to y = 0 without air [m]; see :meth:`q`.
+
+        Of (x, y) and (vx, vy) it is x + vx T, g T = vy + sqrt(vy^2 + 2 g y).
+
+        Raises:
+            InputError: as of :meth:`q`; or there is no projectile or gravity, or gravity is not
+                along -y, or it does not come back.
+        """
+        mechanism = self.problem.mechanism
+        position, velocity = self._point(PROJECTILE, t)
+        if not mechanism.gravity or mechanism.gravity_direction != (0.0, -1.0):
+            raise InputError("a range without air needs gravity along -y.")
+        with precision(self.bits):
+            g, rise = arb(mechanism.gravity), velocity.imag
+            under = squared(rise) + 2 * g * position.imag
+            if not under >= 0:
+                raise InputError(f"what is let go at t = {t} does not come back to y = 0.")
+            return self._enclosed(position.real + velocity.real * (rise + under.sqrt()) / g)
+
+    def energy_ratio(self, t: Instant) -> Enclosure:
+        """Kinetic energy of the projectile in parts of the total energy at the start.
+
+        Raises:
+            InputError: as of :meth:`q`; or no projectile's mass is known, or there is no energy.
+        """
+        mechanism, velocity = self.problem.mechanism, self._point(PROJECTILE, t)[1]
+        marker = mechanism.marker(PROJECTILE)
+        mass = None if marker is None else mechanism.thrown_mass(marker)
+        with precision(self.bits):
+            start = sum(self._energies(0))
+            if mass is None or start.contains(0):
+                raise InputError("a ratio of energies needs a projectile's mass and an energy.")
+            speed = squared(velocity.real) + squared(velocity.imag)
+            return self._enclosed(mass * speed / 2 / start)
+
+    def _energies(self, t: Instant) -> tuple[Ball, Ball]:
+        q, u = map(as_coordinates, self._at(t))
+        with precision(self.bits):
+            kinetic = kinetic_energy(self.motion.kinematics, q, u)
+            return kinetic, potential_energy(self.motion.kinematics, q)
+
+    def _point(self, name: str, t: Instant) -> tuple[Complex, Complex]:
+        """Position and velocity of a marker."""
         mechanism, kinematics = self.problem.mechanism, self.motion.kinematics
         marker = mechanism.marker(name)
         if marker is None:
             names = [each.name for each in mechanism.markers]
             raise InputError(f"there is no marker {name!r} here; there are {names or 'none'}.")
-        q, u = self._coordinates(t)
+        q, u = map(as_coordinates, self._at(t))
         with precision(self.bits):
             row = kinematics.point(marker.body, marker.point)
-            position, velocity = kinematics.vector(row, q), kinematics.rate(row, q, u)
-        return self._parts(position), self._parts(velocity)
+            return kinematics.vector(row, q), kinematics.rate(row, q, u)
 
-    def energy(self, t: Time) -> tuple[Enclosure, Enclosure]:
-        """Kinetic and potential energy at a time [J]; see :meth:`q`."""
-        q, u = self._coordinates(t)
-        with precision(self.bits):
-            kinetic = kinetic_energy(self.motion.kinematics, q, u)
-            potential = potential_energy(self.motion.kinematics, q)
-        return self._enclosed(kinetic), self._enclosed(potential)
+    def _at(self, t: Instant) -> State:
+        return (t.q, t.u) if isinstance(t, ProvedEvent) else self._state(t)[1]
 
-    def _coordinates(self, t: Time) -> tuple[Coordinates, Coordinates]:
-        q, u = map(as_coordinates, self._state(t)[1])
-        return q, u
-
-    def _forces(self, t: Time) -> tuple[Coordinates, Coordinates, SolvedForces]:
+    def _forces(self, t: Instant) -> tuple[Coordinates, Coordinates, SolvedForces]:
         phase, state = self._state(t)
         q, u = map(as_coordinates, state)
         with precision(self.bits):
@@ -235,7 +290,9 @@ class Proof(Shown):
             return launch.q, launch.u
         return self._state(Fraction(self.problem.duration) if self.until is None else self.until)[1]
 
-    def _state(self, t: Time) -> tuple[Phase, State]:
+    def _state(self, t: Instant) -> tuple[Phase, State]:
+        if isinstance(t, ProvedEvent):
+            raise InputError(f"forces change at an event, such as the {t.kind} of {t.name!r}.")
         moment, phases = _seconds("t", t), self.motion.phases
         with precision(self.bits):
             ball = rounded(moment)

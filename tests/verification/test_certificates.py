@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,18 +12,21 @@ import trebucheck as tb
 from conftest import again, machine_parameters, machines
 from hypothesis import assume, given
 from mechanisms import angle_stop, everything, hanging_bob
+from trebucheck.comparisons.certify import refuse_contradicted
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import schema_text
 from trebucheck.reference.certification import certificate as module
 from trebucheck.reference.certification.certificate import (
     Certificate,
     Computation,
+    Figure,
     certified,
     load_certificate,
     reference_uncertainty,
     refusal,
 )
 from trebucheck.reference.certification.certify import Key, certify, judge
+from trebucheck.reference.certification.proved import PROVABLE
 from trebucheck.reference.solver import solve
 
 pytestmark = pytest.mark.slow  # many machines, or many integrations: not in `make quick`
@@ -211,6 +215,37 @@ def test_schema_and_round_trip(committed: Certificate) -> None:
     ).read_text()
     assert text == schema_text(Certificate)
     assert Certificate.from_json(committed.to_json()) == committed
+
+
+def test_each_figure_is_proved_or_says_why_it_is_not(committed: Certificate) -> None:
+    for figure in committed.figures:
+        assert figure.name in PROVABLE
+        proved = figure.proved_value is not None and figure.proved_radius is not None
+        assert proved != bool(figure.not_proved), figure.label
+    extrema = [figure for figure in committed.figures if figure.not_proved]
+    assert len(extrema) < 0.1 * len(committed.figures)
+
+
+def test_a_figure_that_its_proof_contradicts_is_refused(
+    committed: Certificate, tmp_path: Path
+) -> None:
+    figure = committed.figure("launch_time")
+    assert figure is not None
+    off = figure.value + 3 * figure.uncertainty
+    with pytest.raises(tb.InputError, match="launch_time"):
+        Figure(**{**figure.model_dump(), "value": off})
+    # An older certificate, without a proof of its own.
+    path = tmp_path / "older.json"
+    unproved = [
+        each.with_fields(proved_value=None, proved_radius=None) for each in committed.figures
+    ]
+    path.write_text(committed.model_copy(update={"figures": tuple(unproved)}).to_json())
+    refuse_contradicted(path, committed)
+    place = committed.figures.index(figure)
+    unproved[place] = unproved[place].model_copy(update={"value": off})
+    path.write_text(committed.model_copy(update={"figures": tuple(unproved)}).to_json())
+    with pytest.raises(tb.SimulationError, match="launch_time"):
+        refuse_contradicted(path, committed)
 
 
 def test_ladder_must_fall() -> None:

@@ -69,7 +69,9 @@ def certificate_report(certificate: Certificate) -> doc.Document:
     events = [figure for figure in certificate.figures if figure.time is None]
     timed = [figure for figure in certificate.figures if figure.time is not None]
     further = f"{len(timed)} further figures, at chosen times"
-    absent = (doc.Text(text, "warning", lead="left out:") for text in certificate.absent)
+    absent = [doc.Text(text, "warning", lead="left out:") for text in certificate.absent]
+    why_not = dict.fromkeys(f.not_proved for f in certificate.figures if f.not_proved)
+    absent += [doc.Text(sentence(text), "muted", lead="Not proved:") for text in why_not]
     heads = "computation | formulation | integrator | tolerance | independent"
     made = [
         (c.name, c.formulation, c.integrator, c.tolerance, c.independent)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from decimal import Context
 from typing import Protocol
 
 from ....engines.presets import ASSISTED, MEANINGS, PRESETS
@@ -32,6 +33,7 @@ PRESETS_EXPLAINED = (
     + "; each row says what trebucheck does in it."
 )
 """Meaning of the presets, for a page's introduction."""
+_PROVED_DIGITS = 18  # in a table
 _LISTED = 5  # singular positions whose times are stated
 # Why nothing is compared beyond the predictability horizon
 _HORIZON = (
@@ -266,7 +268,14 @@ def mechanism_as_data(model: str, mechanism: Mechanism) -> doc.Fold:
 
 
 def certified_figures(figures: Iterable[Figure], caption: str) -> doc.Table:
-    """One row a figure: value, uncertainty, unit."""
-    rows = [(figure.label, *figure.texts, figure.unit) for figure in figures]
-    heads = doc.columns("figure | value | uncertainty | unit")
+    """One row a figure: value, uncertainty, unit, and the proved value."""
+    rows = [(f.label, *f.texts, f.unit, _proved(f)) for f in figures]
+    heads = doc.columns("figure | value | uncertainty | unit | proved")
     return doc.table(doc.ranked(heads, value=0, uncertainty=0, unit=0), rows, caption)
+
+
+def _proved(figure: Figure) -> str:
+    """The proved value, rounded to what a table can hold."""
+    if figure.proved_value is None:
+        return "-"
+    return str(Context(prec=_PROVED_DIGITS).create_decimal(figure.proved_value))
