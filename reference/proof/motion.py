@@ -154,6 +154,7 @@ class ProvedMotion:
         bits: the remainder of a step is at most 2^-bits [rad, m and per s].
         limits: of steps and time.
         progress: called with the time that is proved so far [s].
+        start: a state, or the least box of several, in place of the mechanism's doubles.
     """
 
     def __init__(
@@ -163,6 +164,7 @@ class ProvedMotion:
         bits: float,
         limits: Limits,
         progress: Callable[[float], None] | None = None,
+        start: State | None = None,
     ) -> None:
         mechanism = problem.mechanism
         self.problem = problem
@@ -177,6 +179,7 @@ class ProvedMotion:
         self.phases: list[Phase] = []
         self.order, self.bits = order, bits
         self._limits, self._progress = limits, progress
+        self._start = start
         self._began, self._steps = time.process_time(), 0
         self._systems: dict[tuple[object, ...], _System] = {}
         self._force_tapes: dict[tuple[str, ...], Tape] = {}
@@ -190,7 +193,7 @@ class ProvedMotion:
             LimitError: a limit is reached.
         """
         q, u = initial_state(self.problem.mechanism)
-        state: State = [arb(float(x)) for x in q], [arb(float(x)) for x in u]
+        state = self._start or ([arb(float(x)) for x in q], [arb(float(x)) for x in u])
         touching = tuple(stop.name for stop in self.problem.mechanism.stops if stop.closed)
         end = rounded(Fraction(self.problem.duration) if until is None else until)
         start, closed, released = arb(0), touching, None
