@@ -31,6 +31,7 @@ _PUBLIC = {
     "comparisons.converge": "converge",
     "comparisons.diff": "diff",
     "comparisons.explain": "explain",
+    "comparisons.horizon": "horizon",
     "comparisons.judge": "judge",
     "comparisons.matrix": "matrix",
     "comparisons.mjcf": "mjcf",

@@ -6,6 +6,7 @@ from .comparisons.compare import compare
 from .comparisons.converge import converge
 from .comparisons.diff import diff
 from .comparisons.explain import explain
+from .comparisons.horizon import horizon
 from .comparisons.judge import judge
 from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
@@ -106,6 +107,7 @@ __all__ = [
     "fixed",
     "floating_arm",
     "hinged",
+    "horizon",
     "judge",
     "launches",
     "matrix",

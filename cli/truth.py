@@ -20,6 +20,8 @@ from .options import argument, folder, option
 if TYPE_CHECKING:
     from ..comparisons.report.document import Document
     from ..models.library.benchmark import Benchmark, BenchmarkParameters
+    from ..models.mechanism import Mechanism
+    from ..models.problem import Problem
 
 
 @command(
@@ -90,12 +92,24 @@ def certify_command(call: Call) -> bool:
 
 
 @command(
-    "model digits until set beam stop_law most_steps timeout quiet json",
+    "model digits until start_bits set beam stop_law most_steps timeout quiet json",
     folder("proofs", "Folder for NAME.json and NAME.html."),
     model=argument(f"Machine: {options.MACHINES}.", str, "fixed", names=options.machine_names),
-    digits=option("--digits", "Digits of every figure, 1 to 200.", int, 12),
+    digits=option(
+        "--digits",
+        "Digits of every figure, 1 to 200, by default 12; with --start-bits the fewest that are "
+        "followed, by default 1.",
+        int | None,
+        None,
+    ),
     until=option(
         "--until", "End of the motion (s), a decimal; the problem's own, else the launch."
+    ),
+    start_bits=option(
+        "--start-bits",
+        "Bits that the start is known to, such as 24: how long that determines the motion.",
+        int | None,
+        None,
     ),
     most_steps=option("--most-steps", "Limit of the steps of a trial.", int, 100_000),
     timeout=options.timeout(600.0, "Limit of processor time (s)."),
@@ -108,10 +122,15 @@ def prove_command(call: Call) -> bool:
     of the equations, with the doubles of the mechanism's file taken exactly. Ends with exit code 1
     where an inequality stays undecided or a limit is reached, and says which.
 
+    With --start-bits all motions from starts that agree to so many bits are enclosed, and it is
+    told until when each number of digits is known; NAME-24-bits.json has it.
+
     Examples:
     trebucheck prove fixed --digits 20
 
     trebucheck prove double-pendulum --until 2.5
+
+    trebucheck prove double-pendulum --start-bits 24
     """
     from ..comparisons.prove import ProofFile, prove
     from ..comparisons.report.pages.run import proof_report
@@ -121,10 +140,12 @@ def prove_command(call: Call) -> bool:
     if call.most_steps < 1:
         raise InputError(f"--most-steps {call.most_steps} must be positive.")
     refuse_unwritable(call.out)
+    if call.start_bits is not None:
+        return _horizon(call, model)
     with call.progress("proof") as show:
         proof = prove(
             model,
-            call.digits,
+            12 if call.digits is None else call.digits,
             call.until,
             stop_law=call.stop_law,
             most_steps=call.most_steps,
@@ -134,6 +155,28 @@ def prove_command(call: Call) -> bool:
     found = ProofFile.of(proof).made_by(call.command_line)
     data, page = f"{found.model}.json", f"{found.model}.html"
     call.publish(data, found.to_json(), proof_report(found), page, "Page")
+    return True
+
+
+def _horizon(call: Call, model: Mechanism | Problem) -> bool:
+    """Tell until when a start of some bits determines a motion."""
+    from ..comparisons.horizon import horizon
+    from ..comparisons.report.pages.horizon import document
+
+    with call.progress("horizon") as show:
+        found = horizon(
+            model,
+            call.start_bits,
+            call.until,
+            digits=1 if call.digits is None else call.digits,
+            stop_law=call.stop_law,
+            most_steps=call.most_steps,
+            timeout=call.timeout,
+            progress=lambda what, t: show(f"{what}: t = {t:.4f} s", 0, 1),
+        )
+    found = found.made_by(call.command_line)
+    name = f"{found.model}-{found.start_bits}-bits"
+    call.publish(f"{name}.json", found.to_json(), document(found), f"{name}.html", "Page")
     return True
 
 

@@ -102,6 +102,19 @@ def prove(
         UndecidedError: an inequality stays undecided; the sentence names it.
         SimulationError: a limit is reached.
     """
+    problem, until = problem_to_prove(model, until, stop_law)
+    limits = Limits(steps=most_steps, seconds=timeout)
+    return prove_problem(problem, digits, until, limits=limits, progress=progress)
+
+
+def problem_to_prove(
+    model: Model, until: Time | None, stop_law: StopLaw | str | None
+) -> tuple[Problem, Time | None]:
+    """The problem of a model, and the end of its motion [s]; None: the launch.
+
+    Raises:
+        InputError: a name or value is not valid, or there is neither an end nor a launch.
+    """
     given = model_of(model)
     if isinstance(given, Problem):
         problem, until = given, given.duration if until is None else until
@@ -115,5 +128,4 @@ def prove(
             f"{mechanism.name!r} has no marker {PROJECTILE!r} whose launch ends its motion: an "
             "end is needed, such as until=1.0."
         )
-    limits = Limits(steps=most_steps, seconds=timeout)
-    return prove_problem(problem, digits, until, limits=limits, progress=progress)
+    return problem, until

@@ -29,6 +29,7 @@ from trebucheck.comparisons.converge import Studies
 from trebucheck.comparisons.data.certified import names, publish
 from trebucheck.comparisons.diff import DifferenceData
 from trebucheck.comparisons.explain import Explanation
+from trebucheck.comparisons.horizon import Horizon
 from trebucheck.comparisons.judge import Judgement
 from trebucheck.comparisons.matrix import Matrix, distilled, orders_of
 from trebucheck.comparisons.matrix import matrix as read_matrix
@@ -46,6 +47,7 @@ from trebucheck.comparisons.report.document import (
 )
 from trebucheck.comparisons.report.pages import compare as figures
 from trebucheck.comparisons.report.pages import work
+from trebucheck.comparisons.report.pages import horizon as horizon_pages
 from trebucheck.comparisons.report.pages.compare import differences
 from trebucheck.comparisons.report.pages.matrix import engine_document, summary
 from trebucheck.comparisons.report.pages.problems import library
@@ -108,6 +110,7 @@ SCHEMAS = {
     "converge": Studies,
     "campaign": CampaignFile,
     "explain": Explanation,
+    "horizon": Horizon,
     "proof": ProofFile,
     "recommend": Advice,
 }
@@ -347,6 +350,43 @@ def write_proved() -> None:
     page.write_text(markdown.with_block(page.read_text(), "proofs", text))
 
 
+def write_horizons() -> None:
+    """Prove until when starts of some bits determine two motions (fifteen minutes)."""
+    folder = ROOT / "docs" / "horizons"
+    folder.mkdir(exist_ok=True)
+    for file in folder.glob("*.json"):
+        file.unlink()
+    for name, ends in _HORIZONS.items():
+        for bits, until in ends.items():
+            print(name, bits, flush=True)
+            found = tb.horizon(name, bits, until)
+            command = f"trebucheck prove {name} --start-bits {bits}"
+            if until is not None:
+                command += f" --until {until}"
+            path = folder / f"{name}-{bits:03d}.json"
+            path.write_text(f"{found.made_by(command).to_json()}\n")
+
+
+def write_horizon() -> None:
+    """Write the page of horizons and its picture, from the files that the repository holds."""
+    folder, page = ROOT / "docs" / "horizons", ROOT / "docs" / "horizon.md"
+    text, drawn = page.read_text(), list[Plot]()
+    for name in _HORIZONS:
+        files = sorted(folder.glob(f"{name}-*.json"))
+        found = [Horizon.from_json(file.read_text()) for file in files]
+        table = markdown.text(Document("", (horizon_pages.table_of(found),)))
+        text = markdown.with_block(text, name, table)
+        drawn.append(horizon_pages.plot(found, name))
+    page.write_text(text)
+    write_picture(picture(tuple(drawn), columns=2), ROOT / "docs" / "pictures" / "horizon.svg")
+
+
+_HORIZONS: dict[str, dict[int, str | None]] = {
+    "double-pendulum": {24: "14", 53: "20", 64: "20", 113: "20"},
+    "fixed": {24: None, 53: None, 113: None},
+}
+"""Ends [s] by bits of the start and by model; None: the launch."""
+
 _DIGITS = 30
 _PROOF_LIMIT = 120.0  # [s] of processor time
 _NOT_PROVED = "not-proved.json"
@@ -503,6 +543,8 @@ PARTS: dict[str, Callable[[], None]] = {
     "results": write_results,
     "proofs": write_proofs,
     "proved": write_proved,
+    "horizons": write_horizons,
+    "horizon": write_horizon,
     "matrix": write_matrix,
     "engine-pages": write_engine_pages,
     "api": write_api,

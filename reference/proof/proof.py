@@ -352,7 +352,7 @@ def prove(
     """
     if not 1 <= digits <= MOST_DIGITS:
         raise InputError(f"digits = {digits} must be between 1 and {MOST_DIGITS}.")
-    end = None if until is None else _as_end(until)
+    end = None if until is None else end_of(until)
     limits, began = limits or Limits(), time.process_time()
     kept, undecided = digits + _SPARE, 0
     for trial in range(1, 100):
@@ -397,7 +397,8 @@ def _seconds(what: str, t: Time) -> Fraction:
         raise InputError(f"{what} = {t!r} is not a time in seconds.") from None
 
 
-def _as_end(until: Time) -> Fraction:
+def end_of(until: Time) -> Fraction:
+    """End of a motion as it was said [s]; InputError if it is none."""
     end = _seconds("until", until)
     if not 0 < end <= LONGEST:
         raise InputError(f"until = {until!r} must be positive and at most {LONGEST:g} s.")

@@ -40,13 +40,15 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     from ...converge import Studies
     from ...diff import Difference
     from ...explain import Explanation
+    from ...horizon import Horizon
     from ...recommend import Advice
-    from . import compare, converge, diff, explain, recommend, run, throw
+    from . import compare, converge, diff, explain, horizon, recommend, run, throw
 
     made: dict[type, Callable[[Any], Document]] = {
         Comparison: compare.document,
         Studies: converge.document,
         Explanation: explain.document,
+        Horizon: horizon.document,
         Advice: recommend.document,
         Difference: diff.document,
         Trajectory: run.document,
