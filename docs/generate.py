@@ -46,8 +46,8 @@ from trebucheck.comparisons.report.document import (
     without_empty_columns,
 )
 from trebucheck.comparisons.report.pages import compare as figures
-from trebucheck.comparisons.report.pages import work
 from trebucheck.comparisons.report.pages import horizon as horizon_pages
+from trebucheck.comparisons.report.pages import work
 from trebucheck.comparisons.report.pages.compare import differences
 from trebucheck.comparisons.report.pages.matrix import engine_document, summary
 from trebucheck.comparisons.report.pages.problems import library
