@@ -14,7 +14,9 @@ import sys
 import tomllib
 from collections.abc import Callable
 from datetime import UTC, datetime
+from decimal import Context, Decimal
 from enum import Enum
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,7 @@ from trebucheck.comparisons.matrix import matrix as read_matrix
 from trebucheck.comparisons.mjcf import recorded
 from trebucheck.comparisons.problems import check
 from trebucheck.comparisons.prove import ProofFile
+from trebucheck.comparisons.published import PublishedFigure, PublishedFigures, published_figures
 from trebucheck.comparisons.recommend import Advice
 from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.document import (
@@ -67,6 +70,7 @@ from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.mjcf.scene import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.spec import schema_text
+from trebucheck.reference.proof.printed import Standing
 from trebucheck.reference.solver import solve
 from typer.cli import get_docs_for_click
 
@@ -112,6 +116,7 @@ SCHEMAS = {
     "explain": Explanation,
     "horizon": Horizon,
     "proof": ProofFile,
+    "published": PublishedFigures,
     "recommend": Advice,
 }
 
@@ -318,6 +323,39 @@ def write_proofs() -> None:
     (folder / _NOT_PROVED).write_text(f"{kept}\n")
 
 
+def write_published() -> None:
+    """Hold the figures of all problems' sources against proofs (five minutes)."""
+    found = tuple(published_figures(benchmarks(), _PUBLISHED_DIGITS, _PROOF_LIMIT))
+    made = PublishedFigures.made_here(digits=_PUBLISHED_DIGITS, figures=found)
+    path = ROOT / "docs" / "published.json"
+    path.write_text(f"{made.made_by('docs/generate.py published').to_json()}\n")
+
+
+def published_row(each: PublishedFigure) -> tuple[str, ...]:
+    """A figure of a source, what is proved of it, and where that lies."""
+    if each.standing is None:
+        verdict = each.why
+    elif each.standing is Standing.INSIDE:
+        verdict = f"inside, {each.more_digits} digits more"
+    elif each.standing is Standing.OUTSIDE:
+        verdict = f"**outside**, off by {each.off} {each.unit}"
+    else:
+        verdict = "not decided: across the end of what is expected"
+    proved = "" if each.value is None else _shortened(each.value, each.radius or "0")
+    expected = f"{each.expected} ± {each.half:.1g}"
+    return each.problem, each.figure, each.unit, each.basis, expected, proved, verdict
+
+
+def _shortened(value: str, radius: str, most: int = 20) -> str:
+    """A proved value with so many significant digits, of which the last may be off by one."""
+    number = Decimal(value)
+    rounded = Context(prec=most).plus(number)
+    off = abs(Fraction(rounded) - Fraction(number)) + Fraction(Decimal(radius))
+    exponent = rounded.as_tuple().exponent
+    assert isinstance(exponent, int)
+    return f"{rounded}" if off < Fraction(10) ** exponent else f"{value} ± {radius}"
+
+
 def write_proved() -> None:
     """Write the page of proved motions, from the files that the repository holds."""
     folder = ROOT / "docs" / "proofs"
@@ -346,8 +384,13 @@ def write_proved() -> None:
         limit = f"{left['digits']} digits within {left['seconds']:g} s of processor time each"
         blocks.append(Text(f"Not proved to {limit}, and why:"))
         blocks.append(table(("model", "reason"), left["reasons"].items()))
+    published = PublishedFigures.from_json((ROOT / "docs" / "published.json").read_text())
+    heads = ("problem", "figure", "unit", "basis", "expected", "proved", "verdict")
+    beside = table(heads, map(published_row, published.figures))
     page, text = ROOT / "docs" / "proved.md", markdown.text(Document("", tuple(blocks)))
-    page.write_text(markdown.with_block(page.read_text(), "proofs", text))
+    text = markdown.with_block(page.read_text(), "proofs", text)
+    known = markdown.text(Document("", (beside,)))
+    page.write_text(markdown.with_block(text, "published", known))
 
 
 def write_horizons() -> None:
@@ -388,6 +431,7 @@ _HORIZONS: dict[str, dict[int, str | None]] = {
 """Ends [s] by bits of the start and by model; None: the launch."""
 
 _DIGITS = 30
+_PUBLISHED_DIGITS = 20
 _PROOF_LIMIT = 120.0  # [s] of processor time
 _NOT_PROVED = "not-proved.json"
 
@@ -542,6 +586,7 @@ PARTS: dict[str, Callable[[], None]] = {
     "commands": write_commands,
     "results": write_results,
     "proofs": write_proofs,
+    "published": write_published,
     "proved": write_proved,
     "horizons": write_horizons,
     "horizon": write_horizon,

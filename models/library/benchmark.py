@@ -204,14 +204,31 @@ Quantity = Callable[[Trajectory], FloatArray]
 """Values of a trajectory's n samples, shape (n,)."""
 
 
-def coordinate(name: str) -> Quantity:
+@dataclass(frozen=True)
+class Sum:
+    """A sum of coordinates [rad or m] with factors, or of their rates [per s]."""
+
+    factors: Mapping[str, float]
+    """By coordinate."""
+    of_rates: bool = False
+
+    def __call__(self, trajectory: Trajectory) -> FloatArray:
+        """Values at the samples, shape (n,)."""
+        values = trajectory.u if self.of_rates else trajectory.q
+        names, total = trajectory.mechanism.coordinates, np.zeros(len(values))
+        for name, factor in self.factors.items():
+            total = total + factor * values[:, names.index(name)]
+        return total
+
+
+def coordinate(name: str) -> Sum:
     """A coordinate [rad or m]."""
-    return lambda trajectory: trajectory.q[:, trajectory.mechanism.coordinates.index(name)]
+    return Sum({name: 1.0})
 
 
-def speed(name: str) -> Quantity:
+def speed(name: str) -> Sum:
     """A coordinate's rate [rad/s or m/s]."""
-    return lambda trajectory: trajectory.u[:, trajectory.mechanism.coordinates.index(name)]
+    return Sum({name: 1.0}, of_rates=True)
 
 
 def marker_position(name: str, axis: int) -> Quantity:
@@ -219,43 +236,82 @@ def marker_position(name: str, axis: int) -> Quantity:
     return lambda trajectory: trajectory.marker(name).position[:, axis]
 
 
-def at(quantity: Quantity, t: float) -> Callable[[ContinuousMotion], float]:
-    """A quantity at an instant [s]."""
-    return lambda motion: float(quantity(motion.trajectory(np.array([t])))[0])
+@dataclass(frozen=True)
+class At:
+    """A quantity at an instant."""
+
+    quantity: Quantity
+    t: float
+    """[s]"""
+
+    def __call__(self, motion: ContinuousMotion) -> float:
+        """Value in a motion."""
+        return float(self.quantity(motion.trajectory(np.array([self.t])))[0])
 
 
-def passage(
-    quantity: Quantity, level: float, until: float, count: int = 1
-) -> Callable[[ContinuousMotion], float]:
-    """Time at which a quantity passes a level for the n-th time [s].
+@dataclass(frozen=True)
+class Passage:
+    """Time at which a quantity passes a level for the n-th time."""
 
-    The reading raises SimulationError if it does not by `until` [s].
-    """
+    quantity: Quantity
+    level: float
+    until: float
+    """Until which it is looked for [s]."""
+    count: int = 1
 
-    def read(motion: ContinuousMotion) -> float:
-        times = np.linspace(0.0, until, _GRID)
-        values = quantity(motion.trajectory(times)) - level
+    def __call__(self, motion: ContinuousMotion) -> float:
+        """Time in a motion [s].
+
+        Raises:
+            SimulationError: it does not pass so often.
+        """
+        times = np.linspace(0.0, self.until, _GRID)
+        values = self.quantity(motion.trajectory(times)) - self.level
         changes = np.flatnonzero((values[:-1] * values[1:] < 0) | (values[1:] == 0))
-        if len(changes) < count:
+        if len(changes) < self.count:
             raise SimulationError(
-                f"a level of {level:.6g} is passed {len(changes)} times by t = {until:.6g} s, "
-                f"not {count}."
+                f"a level of {self.level:.6g} is passed {len(changes)} times by "
+                f"t = {self.until:.6g} s, not {self.count}."
             )
-        i = int(changes[count - 1])
+        i = int(changes[self.count - 1])
 
         def distance(t: float) -> float:
-            return at(quantity, t)(motion) - level
+            return At(self.quantity, t)(motion) - self.level
 
         between = times[i], times[i + 1]
         return float(scipy.optimize.brentq(distance, *between, xtol=1e-15, rtol=1e-15))
 
-    return read
+
+@dataclass(frozen=True)
+class Period:
+    """Period of an oscillation about a level, from the first and third passage."""
+
+    quantity: Quantity
+    level: float
+    until: float
+    """Until which the passages are looked for [s]."""
+
+    @property
+    def passages(self) -> tuple[Passage, Passage]:
+        """The first and the third."""
+        first, third = (Passage(self.quantity, self.level, self.until, n) for n in (1, 3))
+        return first, third
+
+    def __call__(self, motion: ContinuousMotion) -> float:
+        """Period in a motion [s]; SimulationError as of :class:`Passage`."""
+        first, third = self.passages
+        return third(motion) - first(motion)
 
 
-def period(quantity: Quantity, level: float, until: float) -> Callable[[ContinuousMotion], float]:
-    """Period of an oscillation about a level [s], from the first and third passage."""
-    third, first = passage(quantity, level, until, 3), passage(quantity, level, until)
-    return lambda motion: third(motion) - first(motion)
+@dataclass(frozen=True)
+class ImpactTime:
+    """Time of an impact, counted from zero."""
+
+    index: int
+
+    def __call__(self, motion: ContinuousMotion) -> float:
+        """Time in a motion [s]."""
+        return motion.impacts[self.index][0]
 
 
 def path_figure(
@@ -385,7 +441,7 @@ class Swing:
     ) -> tuple[KnownValue, ...]:
         """Its period and its path up to `end` [s], with their tolerances [s, rad]."""
         quantity, name = coordinate(self.angle), "largest error of the angle"
-        read = period(quantity, self.lowest, end)
+        read = Period(quantity, self.lowest, end)
         return (
             KnownValue("period", self.period, "s", time_tolerance, read),
             path_figure(name, "rad", angle_tolerance, quantity, self.at, end),

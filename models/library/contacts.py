@@ -13,10 +13,11 @@ from ..mechanism import Body, Mechanism
 from ..problem import StopLaw
 from ..spec import Positive, Real
 from .benchmark import (
+    At,
     BenchmarkParameters,
     ContinuousMotion,
+    ImpactTime,
     KnownValue,
-    at,
     energy_figure,
     floor,
     marker,
@@ -81,7 +82,7 @@ class BouncingParameters(BenchmarkParameters):
         first = _first_impact("floor", fall, (1 + self.restitution) * self.mass * self.speed)
         if self.restitution == 1:
             time, energy = 19 * fall, self.mass * self.g * self.height
-            tenth = KnownValue("tenth impact", time, "s", 1e-11 * time, lambda m: m.impacts[9][0])
+            tenth = KnownValue("tenth impact", time, "s", 1e-11 * time, ImpactTime(9))
             return (*first, tenth, energy_figure(1e-11 * energy, self.duration))
         time = self.rest_time
         tolerance = 1e-10 * max(1.0, time)
@@ -202,7 +203,7 @@ class FallingRodParameters(BenchmarkParameters):
         spin = -impulse * self.length / 2 * cosine / self.inertia
 
         def spin_after(motion: ContinuousMotion) -> float:
-            return at(speed("a"), motion.impacts[0][0])(motion)
+            return At(speed("a"), motion.impacts[0][0])(motion)
 
         return (
             *_first_impact("right", self.speed / self.g, impulse),
@@ -212,7 +213,7 @@ class FallingRodParameters(BenchmarkParameters):
 
 def _first_impact(stop: str, time: float, impulse: float) -> tuple[KnownValue, KnownValue]:
     return (
-        KnownValue("first impact", time, "s", 1e-12 * time, lambda motion: motion.impacts[0][0]),
+        KnownValue("first impact", time, "s", 1e-12 * time, ImpactTime(0)),
         KnownValue(
             "impulse of it", impulse, "N s", 1e-11 * impulse, lambda m: m.impacts[0][1][stop]
         ),

@@ -15,18 +15,18 @@ from ..mechanism import Body, Mechanism
 from ..spec import NonNegative, Positive, Real
 from .benchmark import (
     LOWEST,
+    At,
     BenchmarkParameters,
     Condition,
     KnownValue,
-    Quantity,
+    Passage,
+    Period,
+    Sum,
     Swing,
-    at,
     coordinate,
     energy_figure,
     marker,
-    passage,
     path_figure,
-    period,
     pin,
     rod,
     slot,
@@ -113,7 +113,7 @@ class FourBarParameters(BenchmarkParameters):
         end, angle = self.duration, coordinate("a0")
         time = turn_period(self.omega, self.turning)
         name = "largest error of the first crank's angle"
-        read = passage(angle, UPRIGHT + 2 * math.pi, end)
+        read = Passage(angle, UPRIGHT + 2 * math.pi, end)
         return (
             KnownValue("time of a turn", time, "s", 1e-9, read),
             path_figure(name, "rad", 1e-9, angle, self.angle, end),
@@ -141,7 +141,7 @@ class SwingingParameters(BenchmarkParameters):
         last = float(swing.at(np.array([end]))[0])
         return (
             *swing.figures(end, 1e-11 * swing.period, 1e-10),
-            KnownValue("angle at the end", last, "rad", 1e-10, at(coordinate(swing.angle), end)),
+            KnownValue("angle at the end", last, "rad", 1e-10, At(coordinate(swing.angle), end)),
         )
 
 
@@ -296,9 +296,9 @@ class SliderCrankParameters(BenchmarkParameters):
     def figures(self) -> tuple[KnownValue, ...]:
         time, end, angle = self.cycle, self.duration, coordinate("a")
         if self.share > 1:
-            name, read = "time of a turn", passage(angle, 2 * math.pi, end)
+            name, read = "time of a turn", Passage(angle, 2 * math.pi, end)
         else:
-            name, read = "period", period(angle, LOWEST, end)
+            name, read = "period", Period(angle, LOWEST, end)
         scale = self.inertia(0.0) * self.speed**2
         return (
             KnownValue(name, time, "s", 1e-10 * time, read, "quadrature"),
@@ -390,7 +390,7 @@ class QuickReturnParameters(BenchmarkParameters):
         end, angle = self.duration, coordinate("a")
         figures: list[KnownValue] = []
         for name, a in {"time of a turn": 2 * math.pi, "time of the first half": math.pi}.items():
-            read = passage(angle, a, end)
+            read = Passage(angle, a, end)
             figures.append(KnownValue(name, self.time_to(a), "s", 1e-11, read, "quadrature"))
         scale = self.inertia(0.0) * self.speed**2
         return (*figures, energy_figure(1e-11 * max(1.0, scale), end))
@@ -531,20 +531,16 @@ class SqueezerParameters(BenchmarkParameters):
             return ()
         figures: list[KnownValue] = []
         for name, (_, _, _, value) in _ANGLES.items():
-            tolerance, read = 1e-9 * abs(value), at(published_angle(name), _END)
+            tolerance, read = 1e-9 * abs(value), At(published_angle(name), _END)
             figure = KnownValue(f"{name} at 0.03 s", value, "rad", tolerance, read, "published")
             figures.append(figure)
         return tuple(figures)
 
 
-def published_angle(name: str) -> Quantity:
+def published_angle(name: str) -> Sum:
     """A published angle of the squeezing mechanism [rad] from our absolute clockwise angles."""
     body, other, _, _ = _ANGLES[name]
-    angle = coordinate(body)
-    if other is None:
-        return lambda trajectory: -angle(trajectory)
-    start = coordinate(other)
-    return lambda trajectory: start(trajectory) - angle(trajectory)
+    return Sum({body: -1.0} if other is None else {other: 1.0, body: -1.0})
 
 
 LINKAGES = (

@@ -18,12 +18,12 @@ from .benchmark import (
     BenchmarkParameters,
     Condition,
     KnownValue,
+    Period,
     Swing,
     bob,
     coordinate,
     energy_figure,
     marker,
-    period,
     pin,
     rod,
     suite_condition,
@@ -237,7 +237,7 @@ class HangingChainParameters(BenchmarkParameters):
         name, exact = "period of the slowest small oscillation", self.period
         # The period of a small oscillation differs from the linear one by the amplitude's square.
         tolerance = exact * self.amplitude**2
-        read = period(coordinate("a1"), LOWEST, 1.5 * exact)
+        read = Period(coordinate("a1"), LOWEST, 1.5 * exact)
         return (KnownValue(name, exact, "s", tolerance, read),)
 
 

@@ -22,18 +22,18 @@ from ..elements import (
 from ..mechanism import Body, Mechanism
 from ..spec import NonNegative, Positive, Real, Vector
 from .benchmark import (
+    At,
     BenchmarkParameters,
     KnownValue,
+    Passage,
+    Period,
     Swing,
-    at,
     block,
     coordinate,
     disc,
     marker,
     marker_position,
-    passage,
     path_figure,
-    period,
     pin,
     rail,
     rod,
@@ -99,10 +99,10 @@ class LinearParameters(BenchmarkParameters):
         tolerance, name = 1e-11 * max(1.0, abs(motion.start)), "largest error of the deflection"
         error = path_figure(name, unit, tolerance, quantity, motion.at, end)
         if motion.damping > 0:
-            name, read = "deflection after a quarter of the time", at(quantity, end / 4)
+            name, read = "deflection after a quarter of the time", At(quantity, end / 4)
             final = float(motion.at(np.array([end / 4]))[0])
             return error, KnownValue(name, final, unit, 1e-11, read)
-        cycle, read = end / _SPAN, period(quantity, motion.rest, end)
+        cycle, read = end / _SPAN, Period(quantity, motion.rest, end)
         return error, KnownValue("period", cycle, "s", 1e-11 * cycle, read)
 
 
@@ -243,7 +243,7 @@ class MotorParameters(BenchmarkParameters):
         name, tolerance = "largest error of the rotor's angle", 1e-11 * max(1.0, abs(final) * end)
         error = path_figure(name, "rad", tolerance, coordinate("a"), angle, end)
         name, tolerance = "rotor's speed at the end", 1e-11 * max(1.0, abs(last))
-        return error, KnownValue(name, last, "rad/s", tolerance, at(speed("a"), end))
+        return error, KnownValue(name, last, "rad/s", tolerance, At(speed("a"), end))
 
 
 class WeldedRodsParameters(BenchmarkParameters):
@@ -342,7 +342,7 @@ class InclineParameters(BenchmarkParameters):
             return self.speed * t + along * t**2 / 2
 
         return (
-            KnownValue("position at the end", final, "m", tolerance, at(x, end)),
+            KnownValue("position at the end", final, "m", tolerance, At(x, end)),
             path_figure("largest error of the position", "m", tolerance, x, path, end),
         )
 
@@ -397,12 +397,12 @@ class BeadParameters(BenchmarkParameters):
         )
 
     def figures(self) -> tuple[KnownValue, ...]:
-        time, read = self.passage, passage(coordinate("r"), self.end, self.duration)
+        time, read = self.passage, Passage(coordinate("r"), self.end, self.duration)
         turning = self.momentum / (self.inertia + self.mass * self.end**2)
         tolerance = 1e-11 * max(1.0, abs(turning))
         return (
             KnownValue("passage of the end", time, "s", 1e-11 * time, read, "quadrature"),
-            KnownValue("arm's speed then", turning, "rad/s", tolerance, at(speed("a"), time)),
+            KnownValue("arm's speed then", turning, "rad/s", tolerance, At(speed("a"), time)),
         )
 
 
@@ -463,7 +463,7 @@ class ThrownPlateParameters(BenchmarkParameters):
             quantity = marker_position("centre", axis)
             return path_figure(name, "m", tolerance, quantity, exact, self.duration)
 
-        turned, read = self.spin * self.duration, at(coordinate("a"), self.duration)
+        turned, read = self.spin * self.duration, At(coordinate("a"), self.duration)
         tolerance = 1e-11 * max(1.0, abs(turned))
         angle = KnownValue("angle at the end", turned, "rad", tolerance, read)
         return path(0, self.speed_x), path(1, self.speed_y), angle

@@ -46,6 +46,11 @@ class Enclosure(NamedTuple):
     def __str__(self) -> str:
         return f"{self.value} +/- {self.radius}"
 
+    @classmethod
+    def of(cls, ball: Ball) -> Enclosure:
+        """Enclosure of a ball in decimals."""
+        return cls(*as_decimals(ball))
+
     def contains(self, value: Decimal | float) -> bool:
         """Tell whether a value lies in it."""
         off = abs(Fraction(value) - Fraction(self.value))
@@ -143,6 +148,10 @@ class Proof(Shown):
             speed = (squared(velocity.real) + squared(velocity.imag)).sqrt()
         return self._enclosed(speed)
 
+    def state(self, t: Instant) -> State:
+        """Coordinates and speeds at a time in balls; see :meth:`q`."""
+        return (t.q, t.u) if isinstance(t, ProvedEvent) else self._state(t)[1]
+
     def q(self, t: Instant) -> dict[str, Enclosure]:
         """Coordinates at a time [s] by name [rad or m].
 
@@ -152,11 +161,11 @@ class Proof(Shown):
         Raises:
             InputError: the time is outside the proved motion, or within the radius of an event's.
         """
-        return self._by_coordinate(self._at(t)[0])
+        return self._by_coordinate(self.state(t)[0])
 
     def u(self, t: Instant) -> dict[str, Enclosure]:
         """Speeds at a time [s] by coordinate [rad/s or m/s]; see :meth:`q`."""
-        return self._by_coordinate(self._at(t)[1])
+        return self._by_coordinate(self.state(t)[1])
 
     def a(self, t: Instant) -> dict[str, Enclosure]:
         """Accelerations at a time [s] by coordinate [rad/s^2 or m/s^2]; see :meth:`q`."""
@@ -236,7 +245,7 @@ class Proof(Shown):
             return self._enclosed(mass * speed / 2 / start)
 
     def _energies(self, t: Instant) -> tuple[Ball, Ball]:
-        q, u = map(as_coordinates, self._at(t))
+        q, u = map(as_coordinates, self.state(t))
         with precision(self.bits):
             kinetic = kinetic_energy(self.motion.kinematics, q, u)
             return kinetic, potential_energy(self.motion.kinematics, q)
@@ -248,13 +257,10 @@ class Proof(Shown):
         if marker is None:
             names = [each.name for each in mechanism.markers]
             raise InputError(f"there is no marker {name!r} here; there are {names or 'none'}.")
-        q, u = map(as_coordinates, self._at(t))
+        q, u = map(as_coordinates, self.state(t))
         with precision(self.bits):
             row = kinematics.point(marker.body, marker.point)
             return kinematics.vector(row, q), kinematics.rate(row, q, u)
-
-    def _at(self, t: Instant) -> State:
-        return (t.q, t.u) if isinstance(t, ProvedEvent) else self._state(t)[1]
 
     def _forces(self, t: Instant) -> tuple[Coordinates, Coordinates, SolvedForces]:
         phase, state = self._state(t)
@@ -314,7 +320,7 @@ class Proof(Shown):
         return dict(zip(names, map(self._enclosed, values), strict=True))
 
     def _enclosed(self, ball: Ball) -> Enclosure:
-        return Enclosure(*as_decimals(ball))
+        return Enclosure.of(ball)
 
     @property
     def lacking(self) -> int:

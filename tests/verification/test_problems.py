@@ -19,8 +19,6 @@ from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.problems import library
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.benchmark import (
-    passage,
-    period,
     suite_condition,
     swing,
     swing_period,
@@ -105,18 +103,18 @@ class _Clock:
 @pytest.mark.parametrize("level", [250.0, 250.3])  # 500 samples of 499 s: at one of them, between
 def test_a_level_is_passed_once_where_a_sample_is_on_it_and_where_none_is(level: float) -> None:
     motion: Any = _Clock()
-    assert passage(np.asarray, level, 499.0)(motion) == pytest.approx(level, abs=1e-12)
-    falling = passage(lambda t: -np.asarray(t), -level, 499.0)
+    assert Passage(np.asarray, level, 499.0)(motion) == pytest.approx(level, abs=1e-12)
+    falling = Passage(lambda t: -np.asarray(t), -level, 499.0)
     assert falling(motion) == pytest.approx(level, abs=1e-12)
     with pytest.raises(tb.SimulationError, match="is passed 1 times by t = 499 s, not 2"):
-        passage(np.asarray, level, 499.0, 2)(motion)
+        Passage(np.asarray, level, 499.0, 2)(motion)
 
 
 def test_passages_and_periods_of_a_sine() -> None:
     motion: Any = _Clock()
-    sine = passage(np.sin, 0.5, 20.0, 4)
+    sine = Passage(np.sin, 0.5, 20.0, 4)
     assert sine(motion) == pytest.approx(2 * math.pi + 5 * math.pi / 6, abs=1e-12)
-    assert period(lambda t: np.sin(2.5 * t), 0.5, 20.0)(motion) == pytest.approx(0.8 * math.pi)
+    assert Period(lambda t: np.sin(2.5 * t), 0.5, 20.0)(motion) == pytest.approx(0.8 * math.pi)
 
 
 class _Beside:

@@ -1,0 +1,158 @@
+"""Figures that sources give of the library's problems, beside what is proved of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from ..models.errors import TrebucheckError
+from ..models.library.benchmark import At, Benchmark, ImpactTime, KnownValue, Passage, Period, Sum
+from ..models.spec import Real, Spec
+from ..reference.proof.balls import Ball, precision
+from ..reference.proof.events import UndecidedZeroError
+from ..reference.proof.passages import passages
+from ..reference.proof.printed import Interval, Standing
+from ..reference.proof.proof import Enclosure, Proof
+from .prove import prove
+from .runs.results import ResultFile
+
+FORMAT = "trebucheck-published-1"
+_NOT_READ = "not proved: what an impact changes is not read from enclosures"
+
+
+class PublishedFigure(Spec):
+    """A source's figure and the enclosure of the same number."""
+
+    problem: str
+    figure: str
+    unit: str
+    basis: Literal["closed form", "quadrature", "published"]
+    expected: str = Field(description="as printed; of a closed form or quadrature as computed")
+    half: Real = Field(
+        description="half a unit of the last printed place; of a closed form or quadrature what "
+        "its computation in doubles is held to"
+    )
+    value: str | None = Field(description="proved; null: it is not")
+    radius: str | None = None
+    standing: Standing | None = Field(
+        description="of the enclosure beside the expected value within `half`; null: not proved"
+    )
+    off: str | None = Field(
+        default=None, description="proved distance from the expected value, at least"
+    )
+    why: str = Field(default="", description="why it is not proved")
+
+    @property
+    def more_digits(self) -> int:
+        """Digits that are proved beyond those that are expected."""
+        if self.radius is None or not float(self.radius):
+            return 0
+        return max(0, math.floor(math.log10(self.half / float(self.radius))))
+
+
+class PublishedFigures(ResultFile):
+    """Sources' figures of all problems beside proofs."""
+
+    format: Literal["trebucheck-published-1"] = FORMAT
+    digits: int = Field(description="that the motions were enclosed with")
+    figures: tuple[PublishedFigure, ...]
+
+
+def published_figures(
+    benchmarks: Iterable[Benchmark], digits: int = 20, timeout: float = 120.0
+) -> Iterator[PublishedFigure]:
+    """Hold the figures of benchmarks against proofs of their motions.
+
+    Args:
+        benchmarks: each with its published parameters.
+        digits: of the motions.
+        timeout: limit of processor time for each [s].
+    """
+    for benchmark in benchmarks:
+        figures = benchmark.parameters().figures()
+        proof, why = None, ""
+        try:
+            proof = prove(benchmark.name, digits, timeout=timeout)
+        except TrebucheckError as error:
+            why = str(error).rstrip(".")
+        for figure in figures:
+            if not figure.value:
+                continue  # a difference along the motion, which is no number of it
+            if not _is_read(figure):
+                yield _beside(benchmark, figure, None, _NOT_READ)
+            elif proof is None:
+                yield _beside(benchmark, figure, None, why)
+            else:
+                yield _beside(benchmark, figure, *_enclosed(proof, figure))
+
+
+def _is_read(figure: KnownValue) -> bool:
+    read = figure.read
+    if isinstance(read, At | Passage | Period):
+        return isinstance(read.quantity, Sum)
+    return isinstance(read, ImpactTime)
+
+
+def _enclosed(proof: Proof, figure: KnownValue) -> tuple[Enclosure | None, str]:
+    """The proved number, and why there is none."""
+    read = figure.read
+    with precision(proof.bits):
+        try:
+            if isinstance(read, At):
+                return Enclosure.of(_sum(proof, read)), ""
+            if isinstance(read, ImpactTime):
+                return proof.impacts[read.index][1], ""
+            wanted = read.passages if isinstance(read, Period) else (read,)
+            assert all(isinstance(each, Passage) for each in wanted)
+            times = [_passage(proof, each) for each in wanted if isinstance(each, Passage)]
+        except UndecidedZeroError as error:
+            return None, f"not proved: whether {error.inequality} at a passage"
+        except IndexError:
+            return None, "not proved: it does not come so often in the proved motion"
+        return Enclosure.of(times[-1] - times[0] if len(times) > 1 else times[0]), ""
+
+
+def _sum(proof: Proof, read: At) -> Ball:
+    assert isinstance(read.quantity, Sum)
+    q, u = proof.state(read.t)
+    values = u if read.quantity.of_rates else q
+    names = proof.problem.mechanism.coordinates
+    return sum(f * values[names.index(name)] for name, f in read.quantity.factors.items())
+
+
+def _passage(proof: Proof, read: Passage) -> Ball:
+    assert isinstance(read.quantity, Sum)
+    names = proof.problem.mechanism.coordinates
+    factors = [read.quantity.factors.get(name, 0.0) for name in names]
+    return passages(proof.motion, factors, read.level, read.count)[-1]
+
+
+def _beside(
+    benchmark: Benchmark, figure: KnownValue, known: Enclosure | None, why: str
+) -> PublishedFigure:
+    expected = repr(figure.value)
+    interval = Interval.around(figure.value, figure.tolerance)
+    if figure.basis == "published":
+        interval = Interval.rounding_to(expected)
+    assert interval.low is not None
+    assert interval.high is not None
+    standing = None if known is None else interval.standing(known)
+    off = None
+    if known is not None and standing is Standing.OUTSIDE:
+        off = f"{float(interval.distance(known)):.3g}"
+    return PublishedFigure(
+        problem=benchmark.name,
+        figure=figure.name,
+        unit=figure.unit,
+        basis=figure.basis,
+        expected=expected,
+        half=float((interval.high - interval.low) / 2),
+        value=None if known is None else str(known.value),
+        radius=None if known is None else str(known.radius),
+        standing=standing,
+        off=off,
+        why=why,
+    )
