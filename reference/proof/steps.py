@@ -81,6 +81,8 @@ class Tube(NamedTuple):
     """Those of the functions."""
     flow: Matrix
     """Derivatives of the flow between any two times of the step."""
+    apart: list[Ball]
+    """Bounds of how far other motions are from that of the set's centre."""
     off: list[Ball]
     """Bounds of how far functions of other motions are from those of the centre's."""
 
@@ -269,7 +271,7 @@ class StepMaker:
         off = list[Ball]()
         if of_functions:
             off = states.apart(arb_mat(slopes[n_q:]) * flow)
-        return Tube(box, jacobian, sizes, grown, of_functions, flow, off)
+        return Tube(box, jacobian, sizes, grown, of_functions, flow, apart, off)
 
 
 def _left_out(
