@@ -144,17 +144,21 @@ class Store:
             kept = _Kept[kind].load(path)
         except InputError:
             return None
-        if (kept.conditions, kept.checksum) != (conditions, kept.content.content_hash):
+        if (kept.conditions, kept.checksum) != (conditions, _checksum(kept.content)):
             return None
         self.jobs[name] = max(kept.jobs, self.jobs.get(name, 1))
         return kept.content
 
     def _write(self, name: str, path: Path, record: Spec, conditions: str) -> None:
-        checksum, jobs = record.content_hash, self.jobs[name]
+        checksum, jobs = _checksum(record), self.jobs[name]
         kept = _Kept[type(record)](
             conditions=conditions, checksum=checksum, jobs=jobs, content=record
         )
         write_text(path, kept.model_dump_json())
+
+
+def _checksum(record: Spec) -> str:
+    return hashlib.sha256(record.model_dump_json().encode()).hexdigest()
 
 
 def digest(path: Path) -> str | None:
