@@ -19,7 +19,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -486,17 +486,14 @@ class Sweep:
 
 
 class _Candidate(NamedTuple):
-    """A set at the longest step that may reach the target on all machines, not verified yet.
+    """A set, and the longest step that may reach the target on all machines.
 
-    They are ordered by what they cost on the machine itself at least, and then from plain to
-    assisted.
+    They are ordered by what that step costs on the machine itself, and then from plain to assisted.
     """
 
     cost: float  # [s]
     place: int  # among the sets
-    sweep: Sweep
     at: int  # index of the step
-    order: list[int]  # in which the machines are run: those that missed the target first
 
 
 class TimedSweep(NamedTuple):
@@ -525,9 +522,9 @@ class Search:
     """Searches the time steps of one engine for each set of options.
 
     A set is followed on the machine asked about first, from a moderate step to longer ones up to
-    the first that misses the target, or to shorter ones. What a set costs there it costs at least:
-    the cheapest goes on to the neighbours first. One that needs a shorter step there waits until it
-    is the cheapest again, and ends where it cannot be as cheap as what is found.
+    the first that misses the target, or to shorter ones; then on the neighbours. Before each
+    shorter step it waits until that is the cheapest of all sets, and it ends where that costs more
+    than what is found.
     """
 
     engine: str
@@ -545,22 +542,25 @@ class Search:
             bound: cost of what is recommended so far [s].
         """
         sweeps, waiting = list(map(Sweep, sets)), list[_Candidate]()
+        courses = list(map(self._followed, sweeps))
+
+        def follow(place: int) -> None:
+            at = next(courses[place], None)
+            if at is not None:
+                heappush(waiting, _Candidate(self._cost(sweeps[place], at), place, at))
+
         for place, sweep in enumerate(sweeps):
             self.starts(sweep.options.name)
-            index = self._longest(sweep, 0, self.ladder.moderate)
-            if index is not None:
-                order = list(range(len(self.cases)))
-                cost = self._cost(sweep, index)
-                heappush(waiting, _Candidate(cost, place, sweep, index, order))
+            follow(place)
         while waiting:
-            candidate = heappop(waiting)
-            step = f"{self.ladder.steps[candidate.at]:g} s"
-            if candidate.cost > _DEARER * bound:
-                note = f"would need {step} or less, which costs more than what is recommended"
-                candidate.sweep.note = note
-            elif (shorter := self._verified(candidate)) is not None:
-                heappush(waiting, shorter)
-            bound = min(bound, self.cost(candidate.sweep))
+            _, place, at = heappop(waiting)
+            sweep = sweeps[place]
+            if self._costs_more(sweep, at, _DEARER * bound):
+                step = f"{self.ladder.steps[at]:g} s"
+                sweep.note = f"would need {step} or less, which costs more than what is recommended"
+            else:
+                follow(place)
+                bound = min(bound, self.cost(sweep))
         return sweeps
 
     def trial(self, case: int, options: OptionSet, step: float, repeats: int = 1) -> RunRecord:
@@ -590,6 +590,18 @@ class Search:
         nearest = min(run, key=lambda rung: abs(math.log(rung.step / step)))
         return cost_of(nearest.trials[0]) * nearest.step / step
 
+    def _costs_more(self, sweep: Sweep, index: int, most: float) -> bool:
+        """Tell whether a step costs more on the machine itself; it is run if no longer one does."""
+        step = self.ladder.steps[index]
+        if math.isinf(most):
+            return False
+        longer = (rung for rung in sweep.rungs.values() if rung.step > step and 0 in rung.trials)
+        nearest = min(longer, key=lambda rung: rung.step, default=None)
+        if nearest is None or not _exceeds(nearest.trials[0], most):
+            self._ratio(sweep, 0, index)
+            nearest = sweep.rungs[step]
+        return _exceeds(nearest.trials[0], most)
+
     def _ratio(self, sweep: Sweep, case: int, index: int) -> float:
         """Error over what is allowed of a machine at a step."""
         step = self.ladder.steps[index]
@@ -599,32 +611,51 @@ class Search:
             rung.ratios[case] = self.cases[case].ratio(rung.trials[case])
         return rung.ratios[case]
 
-    def _longest(self, sweep: Sweep, case: int, index: int) -> int | None:
-        """Index of the longest step with which a machine reaches the target; None: there is none.
+    def _followed(self, sweep: Sweep) -> Iterator[int]:
+        """Search the longest step of a set with which all machines reach the target.
 
-        Args:
-            index: of the step at which the search begins.
+        Machines are run first that missed the target before. Nothing here depends on what was found
+        with other sets, whose order follows from measured costs.
+
+        Yields:
+            Index of the longest step that may do, before it is looked at.
         """
-        sweep.last = case
-        if self._ratio(sweep, case, index) <= 1:
-            while index > 0 and self._ratio(sweep, case, index - 1) <= 1:
-                index -= 1
-            sweep.note = "reached; a longer step does not"
-            if index == 0:
-                sweep.note = "reached at the longest step tried"
-            return index
-        return self._shorter(sweep, case, index)
+        order = list(range(len(self.cases)))
+        index = yield from self._longest(sweep)
+        while index is not None:
+            yield index
+            failed = self._first_to_fail(sweep, index, order)
+            if failed is None:
+                sweep.reached = sweep.rungs[self.ladder.steps[index]]
+                return
+            order = [failed, *(case for case in order if case != failed)]
+            index = yield from self._shorter(sweep, failed, index)
 
-    def _shorter(self, sweep: Sweep, case: int, index: int) -> int | None:
+    def _longest(self, sweep: Sweep) -> Generator[int, None, int | None]:
+        """Index of the longest step with which the machine itself reaches the target, or None."""
+        index = self.ladder.moderate
+        if self._ratio(sweep, 0, index) > 1:
+            return (yield from self._shorter(sweep, 0, index))
+        while index > 0 and self._ratio(sweep, 0, index - 1) <= 1:
+            index -= 1
+        sweep.note = "reached; a longer step does not"
+        if index == 0:
+            sweep.note = "reached at the longest step tried"
+        return index
+
+    def _shorter(self, sweep: Sweep, case: int, index: int) -> Generator[int, None, int | None]:
         """Index of the longest step below one that misses the target; None: none is likely."""
         sweep.last, last, idle = case, len(self.ladder.steps) - 1, 0
         scouted = min(index + _SCOUTED, last)
         before = self._ratio(sweep, case, index)
+        if index < last:
+            yield index + 1
         if scouted > index and self._ratio(sweep, case, scouted) > 1:
             if self._hopeless(sweep, case, index, scouted):
                 return None
             index, before = scouted, self._ratio(sweep, case, scouted)
         for shorter in range(index + 1, last + 1):
+            yield shorter
             now = self._ratio(sweep, case, shorter)
             if now <= 1:
                 sweep.note = "reached; a longer step does not"
@@ -650,26 +681,6 @@ class Search:
         sweep.note = f"by the order found, {order:.1f}, no step down to {finest:g} s will do"
         return True
 
-    def _verified(self, candidate: _Candidate) -> _Candidate | None:
-        """Run all machines at a step: the set has reached the target, or needs a shorter step.
-
-        Those are run first that missed the target before. Nothing here depends on what was found
-        with other sets, whose order follows from measured costs.
-
-        Returns:
-            The same set at the next step that may do; None: it reached it, or no step will do.
-        """
-        sweep, index, order = candidate.sweep, candidate.at, candidate.order
-        failed = self._first_to_fail(sweep, index, order)
-        if failed is None:
-            sweep.reached = sweep.rungs[self.ladder.steps[index]]
-            return None
-        shorter = self._shorter(sweep, failed, index)
-        if shorter is None:
-            return None
-        order = [failed, *(case for case in order if case != failed)]
-        return _Candidate(self._cost(sweep, shorter), candidate.place, sweep, shorter, order)
-
     def _first_to_fail(self, sweep: Sweep, index: int, order: Sequence[int]) -> int | None:
         """The first machine, in this order, that misses the target at a step."""
 
@@ -686,6 +697,11 @@ class Search:
 def cost_of(trial: RunRecord) -> float:
     """Least processor time without our reading [s]; infinite for a run that failed."""
     return min(trial.costs or trial.wall_times, default=math.inf)
+
+
+def _exceeds(trial: RunRecord, cost: float) -> bool:
+    """Tell whether a run cost more [s]; one that failed did not."""
+    return trial.ran and cost_of(trial) > cost
 
 
 # Obstacles

@@ -302,6 +302,13 @@ def test_a_set_that_must_be_dearer_is_not_run_on_the_neighbours() -> None:
     assert not [name for trials in made[1:] for name, _ in trials.made if name == PLAIN.name]
 
 
+def test_a_set_is_not_run_at_steps_that_must_be_dearer() -> None:
+    """One reaches it at 0.1 s; the other would need 1e-3 s, a hundred times the cost."""
+    search, sweeps, (machine,) = _search((1.0, 9e-5), (1.0, 1.0))
+    assert _chosen(search, sweeps) == (DEAR, 0.1)
+    assert min(step for name, step in machine.made if name == PLAIN.name) > 1e-3
+
+
 def test_a_set_that_a_neighbour_makes_dearer_is_given_up() -> None:
     """The machine itself is as cheap with both; a neighbour needs a fifth of the step with one.
 
