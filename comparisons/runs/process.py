@@ -15,17 +15,21 @@ from __future__ import annotations
 import ctypes
 import gc
 import math
+import multiprocessing
 import os
 import pickle
 import signal
 import socket
 import sys
+import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent import futures
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
@@ -33,7 +37,7 @@ from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Protocol, Self, TypeVar, cast
 
 import numpy as np
 from joblib.externals.loky import ProcessPoolExecutor, process_executor
@@ -44,6 +48,7 @@ from ...engines.protocol import Engine
 from ...models.errors import EngineNotInstalledError, SimulationError, TrebucheckError
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
+from ...reference.compiled import is_available, kernel
 
 
 class _Named(Protocol):
@@ -164,8 +169,10 @@ def _computed(_: _Computation, compute: Callable[[], _Result]) -> _Result:
 class _Process(ProcessPoolExecutor):
     """A process that makes calls; the thread that starts it lasts as long: it ends with both."""
 
-    def __init__(self) -> None:
-        super().__init__(max_workers=1, initializer=_begin_process, initargs=(os.getpid(),))
+    def __init__(self, *, forked: bool = False) -> None:
+        context = multiprocessing.get_context("fork") if forked else None
+        begin = {"initializer": _begin_process, "initargs": (os.getpid(),)}
+        super().__init__(max_workers=1, context=context, **begin)
         self._starter = ThreadPoolExecutor(1, "starter")
 
     def begin(self) -> None:
@@ -177,6 +184,15 @@ class _Process(ProcessPoolExecutor):
             RuntimeError: the system starts no thread.
         """
         self._starter.submit(_submitted, self, _import_this_module).result().result(_START)
+
+    @classmethod
+    def fork(cls) -> Self:
+        """Fork a process from this one, by the calling thread, which it ends with; as `begin`."""
+        pool = cls(forked=True)
+        with warnings.catch_warnings():  # of threads, from Python 3.12 on: see `forks_here`
+            warnings.simplefilter("ignore", DeprecationWarning)
+            _submitted(pool, _import_this_module).result(_START)
+        return pool
 
     def wait_for(self, future: Future[Any], timeout: float, memory: float) -> _Stopped | None:
         """Wait for a call, as :func:`_wait_for`."""
@@ -334,10 +350,46 @@ class Worker:
             self._end(pool)
 
     def __enter__(self) -> Worker:
+        if self.isolate and not self.fresh and _is_forkable():
+            if is_available():
+                kernel()  # which this process needs as well: it is loaded once
+            for _ in range(min(self.jobs, os.cpu_count() or 1)):
+                pool = _Process.fork()
+                self._started.append(pool)
+                self._idle.get()
+                self._idle.put(pool)
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+_forks_here = ContextVar("_forks_here", default=False)
+
+
+@contextmanager
+def forks_here() -> Generator[None]:
+    """Let the processes of a `with Worker()` be forked from this one, on Linux.
+
+    They need not import what is here already: a start costs two seconds of processor time less.
+    That is for a command, whose process has run nothing but this package: a library with threads of
+    its own, which a script may have used before, does not survive a fork.
+    """
+    token = _forks_here.set(True)
+    try:
+        yield
+    finally:
+        _forks_here.reset(token)
+
+
+def _is_forkable() -> bool:
+    """Tell whether processes may be forked here: no thread runs but one that draws progress.
+
+    That one holds no lock that a process needs: it has output streams of its own.
+    """
+    others = set(threading.enumerate()) - {threading.current_thread()}
+    drawing = all(type(thread).__module__.startswith("rich.") for thread in others)
+    return FORKS and _forks_here.get() and drawing
 
 
 def _submitted(pool: Any, *call: Any) -> Any:
@@ -380,6 +432,9 @@ def _begin_process(parent: int) -> None:
     """
     end_with_parent(parent)
     _be_first_to_go()
+    # In a fork, those of its parent may be locked by a thread that is not here.
+    for name, number in (("stdout", 1), ("stderr", 2)):
+        setattr(sys, name, open(number, "w", buffering=1, closefd=False))  # noqa: SIM115
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # pyright: ignore[reportPrivateUsage]
 
 
