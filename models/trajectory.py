@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -27,6 +27,16 @@ if TYPE_CHECKING:
 FORMAT = "trebucheck-trajectory-1"
 
 _T = TypeVar("_T")
+_Variable = tuple[tuple[str, ...], Any, Mapping[str, str]]
+"""Dimensions, values and attributes."""
+
+
+class _Content(NamedTuple):
+    """Variables and attributes of a file; every dimension has a coordinate."""
+
+    coordinates: Mapping[str, _Variable]
+    data: Mapping[str, _Variable]
+    attributes: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -207,14 +217,24 @@ class Trajectory(Reported):
         """A labelled dataset with units; quantities that the engine cannot observe are left out."""
         import xarray as xr  # it takes a third of a second
 
+        content = self._content()
+        return xr.Dataset(content.data, coords=content.coordinates, attrs=content.attributes)
+
+    def _content(self) -> _Content:
+        """The same as arrays: variables by name, with their dimensions, values and attributes."""
         names = list(self.mechanism.coordinates)
-        coords: dict[str, object] = {"time": self.t, "coordinate": names, "axis": ["x", "y"]}
-        data: dict[str, xr.DataArray] = {}
+        time = {"units": "s", "long_name": "time"}
+        coordinates: dict[str, _Variable] = {"time": (("time",), self.t, time)}
+        data: dict[str, _Variable] = {}
+
+        def name(dim: str, values: Iterable[str]) -> None:
+            coordinates[dim] = (dim,), np.array(list(values), dtype=np.str_), {}
 
         def put(name: str, values: FloatArray, dims: Sequence[str], label: str, unit: str) -> None:
-            attributes = {"long_name": label, "units": unit}
-            data[name] = xr.DataArray(values, dims=dims, attrs=attributes)
+            data[name] = tuple(dims), values, {"long_name": label, "units": unit}
 
+        name("coordinate", names)
+        name("axis", ("x", "y"))
         states = ("time", "coordinate")
         put("q", self.q, states, "generalized coordinates", "rad (slides: m)")
         put("u", self.u, states, "generalized speeds", "rad/s (slides: m/s)")
@@ -231,12 +251,12 @@ class Trajectory(Reported):
             ("joint_reaction", "joint", self.joint_reactions, "force on the joint's child", "N"),
             ("joint_gap", "open_joint", self.joint_gaps, "distance of the joint's points", "m"),
         )
-        for name, dim, values, label, unit in parts:
+        for quantity, dim, values, label, unit in parts:
             if values:
-                coords[dim] = list(values)
+                name(dim, values)
                 stacked = np.stack(list(values.values()), axis=1)
-                put(name, stacked, ("time", dim, "axis")[: stacked.ndim], label, unit)
-        coords["releasable_stop"] = list(self.release_times)
+                put(quantity, stacked, ("time", dim, "axis")[: stacked.ndim], label, unit)
+        name("releasable_stop", self.release_times)
         released = [np.nan if time is None else time for time in self.release_times.values()]
         label = "time of release (NaN: did not open)"
         put("release_time", np.array(released), ("releasable_stop",), label, "s")
@@ -246,9 +266,7 @@ class Trajectory(Reported):
             "provenance": json.dumps(self.provenance.known()),
             "impacts": json.dumps([[time, dict(impulses)] for time, impulses in self.impacts]),
         }
-        dataset = xr.Dataset(data, coords=coords, attrs=attributes)
-        dataset["time"].attrs = {"units": "s", "long_name": "time"}
-        return dataset
+        return _Content(coordinates, data, attributes)
 
     def animate(self, *others: Trajectory) -> Playable:
         """The motion, to be played in a notebook and saved as GIF, MP4, SVG or page.
@@ -332,7 +350,30 @@ def save(trajectory: Trajectory, path: str | Path) -> None:
     Raises:
         UnwritableError: the folder cannot be written to, or has no room.
     """
-    write_dataset(trajectory.to_dataset(), path)
+    import h5py
+
+    content = trajectory._content()  # pyright: ignore[reportPrivateUsage]
+    # NetCDF-4 is HDF5 with dimension scales. Written so, not by xarray and h5netcdf, a file takes a
+    # twelfth of the time: into memory first, as below.
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w") as file:
+        file.attrs.update(content.attributes)
+        scales = dict[str, Any]()
+        for number, (name, (_, values, attributes)) in enumerate(content.coordinates.items()):
+            words = values.dtype.kind == "U"
+            kind = h5py.string_dtype() if words else values.dtype
+            scale = file.create_dataset(
+                name, data=values.astype(object) if words else values, dtype=kind
+            )
+            scale.make_scale(name)
+            scale.attrs.update({"_Netcdf4Dimid": np.int32(number), **attributes})
+            scales[name] = scale
+        for name, (dims, values, attributes) in content.data.items():
+            variable = file.create_dataset(name, data=values)
+            variable.attrs.update(attributes)
+            for axis, dim in zip(variable.dims, dims, strict=True):
+                axis.attach_scale(scales[dim])
+    write_bytes(path, buffer.getbuffer())
 
 
 def write_dataset(dataset: xr.Dataset, path: str | Path, *, compressed: bool = False) -> None:
