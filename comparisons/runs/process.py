@@ -138,17 +138,29 @@ def _memory_of(process: int | None) -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
+_INTERRUPTS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Signals that end a command as Ctrl-C does."""
+
+
 @contextmanager
 def block_sigint() -> Generator[None, None, None]:
-    """Keeps a Ctrl-C of the terminal from processes started meanwhile: their owner ends them.
+    """Keeps a Ctrl-C of the terminal from processes started meanwhile: their owner ends them."""
+    with _held(signal.SIGINT):
+        yield
 
-    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go
-    without.)
+
+@contextmanager
+def _held(*signals: signal.Signals) -> Generator[None]:
+    """Holds signals back, which are not lost; a process started meanwhile inherits that.
+
+    (Systems without signal masks go without.)
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
         yield
     finally:
@@ -353,11 +365,12 @@ class Worker:
         if self.isolate and not self.fresh and _is_forkable():
             if is_available():
                 kernel()  # which this process needs as well: it is loaded once
-            for _ in range(min(self.jobs, os.cpu_count() or 1)):
-                pool = _Process.fork()
-                self._started.append(pool)
-                self._idle.get()
-                self._idle.put(pool)
+            with _held(*_INTERRUPTS):
+                for _ in range(min(self.jobs, os.cpu_count() or 1)):
+                    pool = _Process.fork()
+                    self._started.append(pool)
+                    self._idle.get()
+                    self._idle.put(pool)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -432,7 +445,11 @@ def _begin_process(parent: int) -> None:
     """
     end_with_parent(parent)
     _be_first_to_go()
-    # In a fork, those of its parent may be locked by a thread that is not here.
+    for number in set(_INTERRUPTS) - {signal.SIGINT}:  # a fork has its parent's handlers
+        signal.signal(number, signal.SIG_DFL)
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
+    # In a fork, streams of its parent may be locked by a thread that is not here.
     for name, number in (("stdout", 1), ("stderr", 2)):
         setattr(sys, name, open(number, "w", buffering=1, closefd=False))  # noqa: SIM115
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # pyright: ignore[reportPrivateUsage]
