@@ -241,13 +241,26 @@ def diagnose_motion(
     )
 
 
+def _last_of_forces(c: AlignedRun, violated: Sequence[Metric]) -> float | None:
+    """Time when a force exceeds its tolerance last [s]; None where not forces alone do."""
+    times: list[float] = []
+    for metric in violated:
+        if metric.name not in _OF_FORCES or metric.tolerance is None:
+            return None
+        times += c.t[~(_distance(c, metric) <= metric.tolerance) & c.of_forces][-1:].tolist()
+    return max(times, default=None)
+
+
 def _end_of_reruns(c: AlignedRun, broken: Sequence[Metric]) -> float:
     """End of the motion for which the engine is run with other settings [s].
 
     It is the first violation, or a characteristic time if that is longer: errors add up as long as
-    they are small, and what they grow to later on costs most of a run and hides what made it.
+    they are small, and what they grow to later on costs most of a run and hides what made it. Of
+    forces, whose errors do not add up, it is the last violation, where nothing else is violated.
     """
     violation = _first_violation(c, broken)
+    if violation is None:
+        violation = _last_of_forces(c, broken)
     if violation is None:
         return c.end
     to = max(violation, c.scales.time)
@@ -384,15 +397,18 @@ def _fitted(case: Case, readings: Iterable[Reading]) -> Iterator[RankedCause]:
         factors, explained = fit(case.deviation, signatures)
         if reading.at is not None:
             # The effect is not linear in the size: the share is that of the corrected one.
+            corrections = _CORRECTIONS if explained > _HOPELESS else 1
             best, explained = factors, 0.0
-            for _ in range(_CORRECTIONS):
+            for _ in range(corrections):
                 wrong = reading.at(float(factors[0]))
                 if wrong is None:
                     break
                 signature = case.signature(wrong)
-                share = share_of(case.deviation, signature)
-                if share > explained:
-                    best, explained = factors, share
+                gained = share_of(case.deviation, signature) - explained
+                if gained > 0:
+                    best, explained = factors, explained + gained
+                if 0.0 <= gained < _GAIN:
+                    break
                 factors = factors * factor_of(case.deviation, signature)
             factors = best
         if explained > 0 and factors[0] >= reading.least:

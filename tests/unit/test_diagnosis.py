@@ -299,8 +299,24 @@ def test_the_engine_is_run_again_to_the_first_violation() -> None:
         broken = Metric(name="angle_max", subject=angle, value=1.0, unit="rad", tolerance=tolerance)
         aligned = against(drift, solution, end)
         assert diagnosing._end_of_reruns(aligned, [broken]) == pytest.approx(to, abs=0.02)
-    of_force = Metric(name="joint_reaction_max", subject="a", value=1.0, unit="N", tolerance=0.1)
-    assert diagnosing._end_of_reruns(against(drift, solution, 10.0), [of_force]) == 10.0
+
+
+def test_the_engine_is_run_again_to_the_last_violation_of_forces_where_nothing_else_is() -> None:
+    solution = solve(tb.Problem(tb.model("pendulum"), 10.0))
+    exact = solution.trajectory(np.linspace(0.0, 10.0, 2001))
+    (joint, reaction), *_ = exact.joint_reactions.items()
+    of_force = Metric(name="joint_reaction_max", subject=joint, value=1.0, unit="N", tolerance=0.1)
+    of_energy = Metric(name="energy_balance", value=1.0, unit="J", tolerance=0.1)
+    for until, broken, to in (
+        (4.0, [of_force], 4.0),
+        (0.0, [of_force], against(exact, solution, 10.0).scales.time),
+        (9.0, [of_force], 10.0),
+        (4.0, [of_force, of_energy], 10.0),
+    ):
+        wrong = reaction + np.where(exact.t <= until, 1.0, 0.0)[:, None]
+        read = dataclasses.replace(exact, joint_reactions={joint: wrong})
+        aligned = against(read, solution, 10.0)
+        assert diagnosing._end_of_reruns(aligned, broken) == pytest.approx(to, abs=0.02)
 
 
 def test_runs_that_would_take_too_long_are_left_out_and_counted(
