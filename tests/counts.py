@@ -38,8 +38,9 @@ ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
     "lines": 67300,
-    "modules": 261,
-    "modules with one importer": 55,  # each of the prover's is one formula
+    "modules": 262,
+    # Each of the prover's is one formula; what ends with its parent is for plug-ins, too
+    "modules with one importer": 56,
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,

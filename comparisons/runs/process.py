@@ -12,7 +12,6 @@ that is started for it.
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import math
 import multiprocessing
@@ -44,6 +43,7 @@ from joblib.externals.loky import ProcessPoolExecutor, process_executor
 from joblib.externals.loky.backend.reduction import dumps
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
+from ...engines.child_process import end_with_parent
 from ...engines.protocol import Engine
 from ...models.errors import EngineNotInstalledError, SimulationError, TrebucheckError
 from ...models.problem import Problem
@@ -461,24 +461,9 @@ def _be_first_to_go() -> None:
         Path("/proc/self/oom_score_adj").write_text(_FIRST_TO_GO)
 
 
-def end_with_parent(parent: int) -> None:
-    """Make the system end this process when the thread that started it ends (on Linux).
-
-    Elsewhere a process whose parent was killed ends after the call that it makes.
-
-    Args:
-        parent: number of the process that started this one; if that is gone already, this one ends.
-    """
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
-            os._exit(1)
-
-
 FORKS = sys.platform == "linux" and hasattr(os, "pidfd_open")
 _TASKS = Path("/proc/self/task")
 _FIRST_TO_GO = "1000"  # when memory runs out, the system ends a call before anything else
-_PR_SET_PDEATHSIG = 1
 
 
 class _Stopped(Enum):

@@ -14,6 +14,7 @@ from threading import TIMEOUT_MAX, Thread
 from typing import Any, Self
 
 from trebucheck.api.mechanics import InputError, SimulationError, shortened
+from trebucheck.engines.child_process import ending_with_parent
 
 from . import worker
 
@@ -80,6 +81,7 @@ class ImporterProcess:
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
                 text=True,
+                preexec_fn=ending_with_parent(),  # noqa: PLW1509 (a system call)
             )
         except OSError as error:
             raise InputError(

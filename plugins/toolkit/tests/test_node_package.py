@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -91,3 +94,30 @@ def test_a_program_that_ends_within_its_samples_is_an_error(package: NodePackage
     program(package, "node", """echo '{"samples": [3, 2]}'; echo out of cubes >&2; exit 1""")
     with pytest.raises(SimulationError, match="Cube 2D failed: out of cubes"):
         package.move({"steps": 2})
+
+
+MOVING = """
+import sys
+from pathlib import Path
+from trebucheck_toolkit.node_package import NodePackage
+
+getattr(NodePackage("Cube 2D", "@cubes/cube", "cubes", Path(sys.argv[1])), sys.argv[2])("")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with its parent")
+@pytest.mark.parametrize("call", ["move", "run"])
+def test_a_program_ends_with_the_process_that_started_it(package: NodePackage, call: str) -> None:
+    """Also where that is killed, and can end nothing itself."""
+    program(package, "node", f"PATH={os.defpath}; echo $$ >> began; exec sleep 600")
+    began = package.folder / "began"
+    script = [sys.executable, "-c", MOVING, str(package.folder), call]
+    with subprocess.Popen(script) as started:
+        while not began.exists() or not began.read_text().endswith("\n"):
+            assert started.poll() is None
+            time.sleep(0.01)
+        started.kill()
+    place, deadline = Path("/proc", began.read_text().strip()), time.monotonic() + 5.0
+    while place.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    assert not place.exists()

@@ -20,6 +20,7 @@ from tempfile import TemporaryFile
 from typing import IO, Any
 
 import numpy as np
+from trebucheck.engines.child_process import ending_with_parent
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 
@@ -94,6 +95,7 @@ class NodePackage:
             input=program.encode(),
             capture_output=True,
             check=False,
+            preexec_fn=ending_with_parent(),
         )
         if ended.returncode:
             raise self._failure(ended.stderr)
@@ -113,6 +115,7 @@ class NodePackage:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=complaints,
+                preexec_fn=ending_with_parent(),  # noqa: PLW1509 (a system call)
             ) as process,
         ):
             assert process.stdin is not None  # it is a pipe, as is the output
