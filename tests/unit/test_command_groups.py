@@ -47,3 +47,25 @@ def test_the_help_groups_commands_by_their_question(question: str) -> None:
     _, _, rest = text.partition(question)
     panel, _, _ = rest.partition("╰")
     assert all(f" {name} " in panel for name in _COMMANDS[question])
+
+
+def _options(group: typer.core.TyperGroup, path: str = "") -> dict[str, set[str | None]]:
+    """Names of the options of every command, by its words."""
+    found: dict[str, set[str | None]] = {}
+    for name, command in group.commands.items():
+        words = f"{path} {name}".strip()
+        if isinstance(command, typer.core.TyperGroup):
+            found |= _options(command, words)
+        else:
+            found[words] = {parameter.name for parameter in command.params}
+    return found
+
+
+def test_what_takes_several_processes_takes_a_cluster() -> None:
+    """And so does what makes many runs one after the other here; a single computation does not."""
+    options = _options(typer.main.get_group(app))
+    several = {words for words, names in options.items() if "jobs" in names}
+    cluster = {words for words, names in options.items() if "cluster" in names}
+    assert several == cluster - {"conform", "certify"}
+    assert {"compare", "campaign run", "campaign resume"} < several
+    assert not cluster & {"throw", "run", "judge", "prove", "animate"}
