@@ -392,8 +392,10 @@ def matrix(files: str | Path | Iterable[str | Path], *, commit: str | None = Non
 
     Raises:
         InputError: there is no file, a file is of another kind or broken, two files have the same
-            run, or they mean different mechanisms or motions by one name.
+            run, or they mean different mechanisms or motions by one name; or the commit is empty.
     """
+    if commit is not None and not commit.strip():
+        raise InputError(f"commit = {commit!r} is empty; the name of a commit is needed.")
     paths = [Path(files)] if isinstance(files, str | Path) else [Path(file) for file in files]
     if not paths:
         raise InputError("no file: the results.json of one comparison at least is needed.")

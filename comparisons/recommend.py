@@ -263,7 +263,7 @@ class TargetedRuns:
         if "release" in self.allowed and not self._released:
             raise InputError(
                 f"no stop of {mechanism.name!r} releases within the compared {trials.end:.6g} s: "
-                "no error of a release can be asked."
+                f"no error of a release (release = {self.allowed['release']:g} s) can be asked."
             )
         if self.target.torque_share is not None and self.largest_torque == 0:
             raise InputError(

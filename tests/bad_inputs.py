@@ -299,6 +299,7 @@ _WITHOUT_PARAMETERS = frozenset({"models list", "models schema"})
 # Values that are right for one command
 _RIGHT: Mapping[tuple[str, str], Values] = {
     ("recommend", "neighbours"): ("0",),
+    ("prove", "most_steps"): ("999999999999999999999999999999",),  # it is a limit
     ("", "timeout"): ("1e400", "9" * 400),  # none
     ("campaign machine", "number"): ("0",),
     ("campaign shrink", "number"): ("0",),
@@ -315,7 +316,7 @@ _RIGHT: Mapping[tuple[str, str], Values] = {
 _BESIDE: Mapping[tuple[str, str], Mapping[str, str]] = {
     ("animate", "at"): {"out": "out.svg"},
     ("recommend", "torque"): {"model": "fixed"},
-    ("recommend", "release"): {"model": "fixed"},
+    ("recommend", "release"): {"model": "fixed", "until": "launch"},
     ("run", "script"): {"preset": "default"},
 }
 
@@ -405,7 +406,9 @@ def _of_parameter(
     value = chosen.choice(ODD_NUMBERS if odd else bad)
     right = value in (*_RIGHT.get((command, parameter), ()), *_RIGHT.get(("", parameter), ()))
     words = _words(command, {parameter: value}, declared)
-    return Case(command, parameter, value, words, may_be_right=odd or right)
+    # A machine with an odd beam may never launch: the sentence says so, and not of which beam
+    told = (*_forms(value), "projectile") if (command, parameter) == ("throw", "beam") else ()
+    return Case(command, parameter, value, words, told=told, may_be_right=odd or right)
 
 
 def _words(command: str, given: Mapping[str, str], declared: Mapping[str, Any]) -> tuple[str, ...]:

@@ -54,6 +54,11 @@ _RANKED = (
     "clearly larger than that of a random number says nothing."
 )
 
+_ONE_EACH = (
+    "Of each engine the quantity with the largest index (0: no effect, 1: all; one not clearly "
+    "larger than a random number's says nothing). The map and all quantities are on the page."
+)
+
 
 def document(store: CampaignStore, along: str | None = None, up: str | None = None) -> doc.Document:
     """Map, counts and ranking of a campaign.
@@ -187,9 +192,8 @@ def _plot(store: CampaignStore, layer: Layer, x: str, y: str | None) -> Plot:
     for level, name, style in looks:
         at = levels == level
         if at.any():
-            hints = tuple(
-                _hint(*both) for both in zip(rows[at].itertuples(), shares[at], strict=True)
-            )
+            each = zip(rows["machine"][at], rows["outcome"][at], shares[at], strict=True)
+            hints = tuple(_hint(*of_row) for of_row in each)
             up = shares[at] if y is None else y
             series.append(_points(name, rows[at], x, up, style, hints))
     held = int(np.sum((levels >= 0) & (levels < HOLDING)))
@@ -199,9 +203,9 @@ def _plot(store: CampaignStore, layer: Layer, x: str, y: str | None) -> Plot:
     return Plot(*axes, tuple(series), title, rules=rules, choice=layer.quantity)
 
 
-def _hint(row: Any, share: float) -> str:
+def _hint(machine: int, outcome: str, share: float) -> str:
     ratio = "" if np.isnan(share) else f", {format_number(float(share))} of the tolerance"
-    return f"machine {row.machine}: {row.outcome}{ratio}"
+    return f"machine {machine}: {outcome}{ratio}"
 
 
 def _points(
@@ -256,15 +260,19 @@ def _of_launches(store: CampaignStore, x: str, y: str | None) -> doc.Document:
 
 
 def _ranking(found: list[Layer]) -> Iterator[doc.Block]:
-    """Indices of the parameters for each engine and quantity."""
+    """Indices of the parameters for each engine and quantity; a terminal shows one of an engine."""
     names = list(found[0].parameters) if found else []
-    rows: list[tuple[object, ...]] = []
-    for layer in found:
-        ranked = ranking(layer)
-        if ranked is None:
+    rows: list[doc.Row] = []
+    for _, group in groupby(found, key=_name):
+        ranked = [each for each in map(ranking, group) if each is not None]
+        if not ranked:
             continue
-        cells = [_index_cell(ranked.indices.get(name), ranked.chance) for name in names]
-        rows.append((_name(layer), layer.quantity, *cells, f"{ranked.chance:.2f}"))
+        first = max(ranked, key=lambda each: max(each.indices.values()))
+        for each in ranked:
+            cells = [_index_cell(each.indices.get(name), each.chance) for name in names]
+            place = _name(each.layer), each.layer.quantity
+            medium: doc.Medium = "any" if each is first else "page"
+            rows.append(doc.row(*place, *cells, f"{each.chance:.2f}", medium=medium))
     yield doc.Heading("Parameters by their effect on the error", 2, medium="any")
     if not rows:
         yield doc.Text(
@@ -273,6 +281,7 @@ def _ranking(found: list[Layer]) -> Iterator[doc.Block]:
         return
     yield doc.Note(_RANKED)
     yield doc.table(" | ".join(["engine", "quantity", *names, "a random number"]), rows)
+    yield doc.Text(_ONE_EACH, medium="terminal")
 
 
 def _index_cell(index: float | None, chance: float) -> doc.Cell:
