@@ -21,6 +21,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from operator import mul
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -37,8 +38,10 @@ from ..taylor.expressions import TaylorSystem
 from ..taylor.numbers import PROJECTILE, projectile_row, relevant_stops, rests_of, structure_of
 from .balls import Ball, arb, exact, rounded
 from .events import UndecidedZeroError, Zero, clear_of_start, keeps_sign, zeros
+from .gradients import gradients
 from .mechanics import SolvedForces
 from .numbers import BallKinematics, Complex, as_coordinates, exact_numbers
+from .rest import Impacts, Rest
 from .sets import StateSet
 from .steps import NoTubeError, Step, StepMaker
 from .tape import Algebra, Tape
@@ -46,6 +49,8 @@ from .tape import Algebra, Tape
 Kind = Literal["release", "impact", "launch"]
 State = tuple[list[Ball], list[Ball]]
 _MOST_EVENTS = 1000  # of a motion; more of them pile up
+_FLIGHTS = 2.0  # of a gap that has opened, that the first step may last
+_REST_WIDER = 1e3  # three digits, which a further impact would take as well
 _AT_REST = 1e-9  # [rad/s, m/s] gap speeds of the start below this are rounding of its doubles
 
 
@@ -69,7 +74,8 @@ class LimitError(SimulationError):
 class ProvedEvent:
     """An event, with the state at its time."""
 
-    kind: Kind
+    kind: Kind | Literal["rest"]
+    """Rest: a stop closes after infinitely many impacts."""
     name: str
     """Name of the stop, or of the marker that is launched."""
     time: Ball
@@ -183,6 +189,7 @@ class ProvedMotion:
         self._began, self._steps = time.process_time(), 0
         self._systems: dict[tuple[object, ...], _System] = {}
         self._force_tapes: dict[tuple[str, ...], Tape] = {}
+        self._impacts: dict[str, Impacts] = {}
         self._rests = rests_of(mechanism)
 
     def run(self, until: Fraction | None) -> None:
@@ -228,6 +235,36 @@ class ProvedMotion:
                 state, closed = self._struck(start, state, touching, launches)
                 if until is None and self.launch is not None:
                     return
+                rest = self._rest(event.name, state) if touching == (event.name,) else None
+                if rest is not None and not closed:
+                    start, state, closed = start + rest.time, (rest.q, rest.u), touching
+                    self._note(ProvedEvent("rest", event.name, start, *state))
+
+    def _rest(self, name: str, state: State) -> Rest | None:
+        """The end of infinitely many impacts of a stop, once it is about as narrow as a state."""
+        if name not in self._impacts:
+            flight, algebra = self._expressions(())
+            places = [k for k, other in enumerate(self.stops) if other != name]
+            outputs = [*flight.solved[: self.structure.n_q]]
+            outputs += [flight.gap_speed(self.stops.index(name)), *map(flight.gap, places)]
+            if self._may_launch(()):
+                outputs.append(flight.lead)
+            made = [algebra.expression(output) for output in outputs]
+            system, of_jump = self._expressions((name,))
+            jump = system.jump([0.0] * len(self.stops))[: self.structure.n_q]
+            changes = [of_jump.expression(change) for change in jump]
+            self._impacts[name] = Impacts(
+                Tape(algebra, self._names, made),
+                Tape(of_jump, self._names, changes),
+                self.numbers,
+                self.problem.mechanism.stop(name).restitution,
+            )
+        rest = self._impacts[name].rest(*state)
+        if rest is None:
+            return None
+        known = max(2.0**-self.bits, *(float(x.rad()) for part in state for x in part))
+        wide = any(float(x.rad()) > _REST_WIDER * known for x in (rest.time, *rest.q, *rest.u))
+        return None if wide else rest
 
     def _note(self, event: ProvedEvent) -> None:
         self.events.append(event)
@@ -268,9 +305,8 @@ class ProvedMotion:
         first = self.structure.n_q + self.structure.n_loops
         solved = [algebra.expression(x) for x in solved]
         tape = Tape(algebra, self._names, [*solved[: len(q)], *solved[first:]])
-        changes = tape.values(self.numbers, q, u)
-        impulses = dict(zip(self.stops, changes[len(q) :], strict=True))
-        after: State = q, [x + change for x, change in zip(u, changes, strict=False)]
+        impulses = dict(zip(self.stops, tape.values(self.numbers, q, u)[len(q) :], strict=True))
+        after: State = q, self._changed(tape, state)
         if launches and self._rests.isdisjoint(pushing):
             self._note_launch(start, state, after)
         before = self._gap_speeds(state)
@@ -285,6 +321,20 @@ class ProvedMotion:
         resting = tuple(n for n in touching if n not in pushing or restitution[n] > 0)
         held = [n for n in touching if n not in resting]
         return after, active_contacts(self.equations, *_middles(after), held)
+
+    def _changed(self, tape: Tape, state: State) -> list[Ball]:
+        """Speeds after changes by a tape, in mean-value form: a rebound makes their radii less."""
+        q, u = state
+        centre = [x.mid() for x in (*q, *u)]
+        off = [x - c for x, c in zip((*q, *u), centre, strict=True)]
+        at_centre = tape.values(self.numbers, centre[: len(q)], centre[len(q) :])
+        slopes = gradients(tape, self.numbers, q, u)
+        after: list[Ball] = []
+        for i, c in enumerate(centre[len(q) :]):
+            row = list(slopes[i])
+            row[len(q) + i] += 1
+            after.append(c + at_centre[i] + sum(map(mul, row, off), arb(0)))
+        return after
 
     def _note_launch(self, t: Ball, before: State, after: State) -> None:
         """Note a launch in an impact that turns the velocity through the launch direction.
@@ -433,6 +483,8 @@ class ProvedMotion:
         launches = self._may_launch(phase.closed)
         system = self._system(phase.closed, opened, launches)
         stepper = StepMaker(system.tape, self.numbers, self.order, self.bits)
+        if opened:
+            stepper.longest = min(stepper.longest, self._flight_time(system, state))
         begin, states = Fraction(0), StateSet.of([*state[0], *state[1]])
         last = Fraction(float((end - phase.start).upper())) * (1 + Fraction(1, 2**50))
         while begin < last:
@@ -452,6 +504,17 @@ class ProvedMotion:
                 return None if event.time > end else event
             states, begin = step.reached(), step.end
         return None
+
+    def _flight_time(self, system: _System, state: State) -> float:
+        """Estimate after which time a gap that opens may be closed again [s]."""
+        expansion = system.tape.expand(self.numbers, *state, 2)
+        shortest = math.inf
+        for i, function in enumerate(system.functions):
+            if function.touches:
+                speed, half = (float(c.mid()) for c in expansion.output(len(state[0]) + i)[1:])
+                if speed > 0.0 > half:
+                    shortest = min(shortest, _FLIGHTS * speed / -half)
+        return shortest
 
     def _step(
         self,
@@ -494,7 +557,7 @@ class ProvedMotion:
         self, phase: Phase, step: Step, functions: Sequence[_Function]
     ) -> ProvedEvent | None:
         """The first event of a step; None: there is none."""
-        found: list[tuple[Zero, _Function]] = []
+        found: list[tuple[Zero, int]] = []
         undecided: list[tuple[UndecidedZeroError, _Function]] = []
         for i, function in enumerate(functions):
             try:
@@ -503,7 +566,7 @@ class ProvedMotion:
                 undecided.append((error, function))
                 continue
             if zero is not None:
-                found.append((zero, function))
+                found.append((zero, i))
         for error, function in undecided:
             # What is after an event of this step is not of this motion.
             if any(zero.time < exact(error.low) for zero, _ in found):
@@ -515,12 +578,13 @@ class ProvedMotion:
         if not found:
             return None
         found.sort(key=lambda each: float(each[0].time.mid()))
-        (zero, function), *others = found
-        t = phase.start + exact(step.start) + zero.time
+        (zero, first), *others = found
+        function, since = functions[first], phase.start + exact(step.start)
+        time, state = step.crossing(first, zero.time)
         for other, second in others:
-            inequality = f"{function.name!r} comes before {second.name!r}"
-            self._require(zero.time < other.time, inequality, t)
-        return ProvedEvent(function.kind, function.name, t, *step.at(zero.time))
+            inequality = f"{function.name!r} comes before {functions[second].name!r}"
+            self._require(time < other.time, inequality, since + time)
+        return ProvedEvent(function.kind, function.name, since + time, *state)
 
     def _falls(self, phase: Phase, i: int, function: _Function, step: Step) -> Iterator[Zero]:
         """Falls of a function through zero that are events, in their order."""

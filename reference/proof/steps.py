@@ -35,6 +35,7 @@ from .remainders import models, powers, remainders
 from .sets import BITS, StateSet, alike, widths
 from .tape import Expansion, Series, Tape
 
+_CROSSINGS = 2  # refinements of a zero
 _DERIVATIVE_ORDER = 6  # of the flow's derivative, whose error widens a set by its part only
 _WIDER = 0.01  # a tube about a polynomial's values, in parts of their radius
 _LEAST_ROOM = 1e-9  # and in parts of the values
@@ -42,7 +43,8 @@ _MORE = 4  # and in radii of the start
 _LEAST_FACTOR = 0.25  # of steps
 _LEAST = 1e-30  # [rad, m and per s] and at least
 _LONGEST = 10  # logarithm of the longest step [s]
-_SHORTEST = 2.0**-60  # [s]
+_LEAST_BITS = 60.0  # of the shortest step, 2^-60 s
+_OF_BITS = 0.75  # in parts of those of a remainder
 _CLOSER = 0.95  # of the step that a remainder promises: the box grows with it
 _MANTISSA = 8  # parts of a power of two that steps are whole numbers of
 
@@ -115,6 +117,45 @@ class Step:
             off = self.states.apart(self._derivative.at(t))
         values = [model.at(t) + arb(0, w) for model, w in zip(self.motion, off, strict=True)]
         return values[: len(values) // 2], values[len(values) // 2 :]
+
+    def crossing(self, i: int, t: Ball) -> tuple[Ball, tuple[list[Ball], list[Ball]]]:
+        """Enclose the time and the state of a function's only zero in a ball of times.
+
+        With x = c + D s at the ball's middle, n the function's derivative by the state, and f its
+        value at c, the zero is later by -(f + n D s) / (n x'); the state there has moved by x'
+        times that, so that only (I - x' n / (n x')) D is left of D: what makes a motion late makes
+        none pass zero elsewhere.
+
+        Args:
+            i: place of the function.
+            t: since the step's start [s].
+        """
+        for _ in range(_CROSSINGS):
+            t, state = self._crossing(i, t)
+        return t, state
+
+    def _crossing(self, i: int, t: Ball) -> tuple[Ball, tuple[list[Ball], list[Ball]]]:
+        q, u = self.at(t)
+        n_q, middle = self.system.n_q, t.mid()
+        centre = [model.at(middle) for model in self.motion]
+        value = self.system.values(self.numbers, centre[:n_q], centre[n_q:])[n_q + i]
+        with precision(BITS):
+            by_state = gradients(self.system, self.numbers, q, u)[n_q + i]
+            rates = [*u, *self.system.values(self.numbers, q, u)[:n_q]]
+            along = sum((n * x for n, x in zip(by_state, rates, strict=True)), arb(0))
+            late = [x / along for x in rates]
+            if not all(x.is_finite() for x in late):
+                return t, (q, u)
+            derivative = self._derivative.at(middle)
+            gradient = arb_mat([by_state])
+            left = derivative - arb_mat([[x] for x in late]) * (gradient * derivative)
+            off = self.states.apart(left)
+            (wide,) = self.states.apart(gradient * derivative)
+        time = (middle - (value + arb(0, wide)) / along).intersection(t)
+        state: list[Ball] = []
+        for c, rate, w, before in zip(centre, late, off, [*q, *u], strict=True):
+            state.append((c - rate * value + arb(0, w)).intersection(before))
+        return time, (state[:n_q], state[n_q:])
 
     def reached(self) -> StateSet:
         """The states at its end."""
@@ -199,7 +240,8 @@ class StepMaker:
         expansion = self.tape.expand(self.numbers, centre[:n_q], centre[n_q:], order)
         functions = [expansion.output(i) for i in range(n_q, len(expansion.outputs))]
         self.longest = min(self.longest, self._promised(expansion.state))
-        while self.longest >= _SHORTEST:
+        shortest = 2.0 ** -max(_LEAST_BITS, _OF_BITS * self.bits)
+        while self.longest >= shortest:
             length = min(_dyadic(self.longest), left)
             with precision(BITS):
                 tube = self._tube(states, expansion, exact(length))

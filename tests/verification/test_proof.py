@@ -236,6 +236,36 @@ def test_a_plastic_impact_stays_closed_and_pushes() -> None:
     assert float(torque.value) == pytest.approx(weight, rel=1e-9)
 
 
+def test_infinitely_many_impacts_end_when_the_closed_form_says() -> None:
+    proof = tb.prove("bouncing", digits=25)
+    rest = proof.motion.events[-1]
+    assert rest.kind == "rest"
+    with precision(300):
+        exactly = 3 * (arb(2) / arb(9.81)).sqrt()
+        assert rest.time.overlaps(exactly) and float(rest.time.rad()) < 1e-25
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.7])
+def test_a_rod_comes_to_rest_on_a_stop(restitution: float) -> None:
+    """The gap's acceleration changes with the angle, as it does not of a ball on a floor."""
+    limit = -math.pi / 4
+    stop = tb.Stop(
+        name="wall", body="rod", limit=limit, sense=-1, restitution=restitution, closed=False
+    )
+    problem = tb.Problem(rod(0.0, stops=(stop,)), duration=3.0, stop_law=tb.StopLaw.UNILATERAL)
+    coarse, fine = (tb.prove(problem, digits) for digits in (8, 20))
+    (first, *_), times = solve(problem).rest_times["wall"], list[Any]()
+    for proof in (coarse, fine):
+        (rest,) = (event for event in proof.motion.events if event.kind == "rest")
+        assert rest.q[0].contains(arb(-limit)) and rest.u[0].contains(0)
+        assert float(rest.time.mid()) == pytest.approx(first, abs=1e-9)
+        assert float(proof.stop_torque("wall", 3.0).value) == pytest.approx(
+            2.0 * 9.75 * 0.5 * math.cos(limit), rel=1e-8
+        )
+        times.append(rest.time)
+    assert times[0].overlaps(times[1]) and times[1].rad() < times[0].rad() < 1e-8
+
+
 def test_what_cannot_be_proved_is_named() -> None:
     bouncing = tb.Problem(wall(0.5), duration=60.0, stop_law=tb.StopLaw.UNILATERAL)
     with pytest.raises(tb.SimulationError):
