@@ -153,10 +153,7 @@ def block_sigint() -> Generator[None, None, None]:
 
 @contextmanager
 def _held(*signals: signal.Signals) -> Generator[None]:
-    """Holds signals back, which are not lost; a process started meanwhile inherits that.
-
-    (Systems without signal masks go without.)
-    """
+    """Holds signals back, where masks are; they are not lost, and inherited by new processes."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -385,8 +382,8 @@ def forks_here() -> Generator[None]:
     """Let the processes of a `with Worker()` be forked from this one, on Linux.
 
     They need not import what is here already: a start costs two seconds of processor time less.
-    That is for a command, whose process has run nothing but this package: a library with threads of
-    its own, which a script may have used before, does not survive a fork.
+    For a command, whose process has run nothing but this package: a library with threads of its
+    own, which a script may have used before, does not survive a fork.
     """
     token = _forks_here.set(True)
     try:
