@@ -362,12 +362,12 @@ class Worker:
         if self.isolate and not self.fresh and _is_forkable():
             if is_available():
                 kernel()  # which this process needs as well: it is loaded once
+            # One only: a second would be forked beside the threads that serve the first.
             with _held(*_INTERRUPTS):
-                for _ in range(min(self.jobs, os.cpu_count() or 1)):
-                    pool = _Process.fork()
-                    self._started.append(pool)
-                    self._idle.get()
-                    self._idle.put(pool)
+                pool = _Process.fork()
+                self._started.append(pool)
+                self._idle.get()
+                self._idle.put(pool)
         return self
 
     def __exit__(self, *_: object) -> None:

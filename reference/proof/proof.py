@@ -365,23 +365,19 @@ def prove(
         spent = time.process_time() - began
         left = replace(limits, seconds=max(limits.seconds - spent, 0.0))
         bits = math.ceil(kept * math.log2(10)) + _SPARE_BITS
-        order = max(_LEAST_ORDER, math.ceil(_ORDER * kept))
+        show = None if progress is None else partial(progress, trial)
         with precision(bits):
-            show = None if progress is None else partial(progress, trial)
-            motion = ProvedMotion(problem, order, kept * math.log2(10), left, show)
+            motion = _motion(problem, kept, left, math.inf if end is None else 10.0**-digits, show)
             try:
                 motion.run(end)
+            except _GrownError:
+                kept += max(_MORE, _lost(motion, kept, digits, end))
+                continue
             except UndecidedError:
                 undecided += 1
                 if undecided > _UNDECIDED_TRIALS:
                     raise
-                more = _AGAIN * 2 ** (undecided - 1)
-                if end is not None and motion.grown is not None:
-                    since, spread = motion.grown
-                    # The sets may grow by as many digits a second until the end.
-                    lost = (kept + math.log10(spread)) * float(end) / since
-                    more = max(more, math.ceil(digits + lost + _MORE) - kept)
-                kept += more
+                kept += max(_AGAIN * 2 ** (undecided - 1), _lost(motion, kept, digits, end))
                 continue
         spent = time.process_time() - began
         proof = Proof(motion, end, digits, bits, trial, spent)
@@ -390,6 +386,39 @@ def prove(
             return proof
         kept += lacking + _MORE
     raise SimulationError("not proved: the digits are not reached in a hundred trials.")
+
+
+def _motion(
+    problem: Problem,
+    kept: float,
+    limits: Limits,
+    widest: float,
+    progress: Callable[[float], None] | None,
+) -> ProvedMotion:
+    """A motion with so many digits of the remainders, which ends once its set is too wide."""
+
+    def watch(t: float) -> None:
+        if progress is not None:
+            progress(t)
+        if motion.grown is not None and motion.grown[1] > widest:
+            raise _GrownError
+
+    order = max(_LEAST_ORDER, math.ceil(_ORDER * kept))
+    motion = ProvedMotion(problem, order, kept * math.log2(10), limits, watch)
+    return motion
+
+
+class _GrownError(Exception):
+    """The set of states has grown wider than the digits allow."""
+
+
+def _lost(motion: ProvedMotion, kept: float, digits: int, end: Fraction | None) -> int:
+    """Digits that are lacking if sets grow by as many a second until the end as they did so far."""
+    if end is None or motion.grown is None:
+        return 0
+    since, spread = motion.grown
+    lost = (kept + math.log10(spread)) * float(end) / since
+    return math.ceil(digits + lost + _MORE - kept)
 
 
 def _seconds(what: str, t: Time) -> Fraction:
