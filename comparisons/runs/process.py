@@ -35,7 +35,7 @@ from functools import cache
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, Protocol, Self, TypeVar, cast
 
 import numpy as np
@@ -213,6 +213,14 @@ class _Process(ProcessPoolExecutor):
 
     def shutdown(self, wait: bool = True, kill_workers: bool = False) -> None:
         """End the process."""
+        flags: Any = self._flags
+        with flags.shutdown_lock:
+            # loky's thread would fail on a call that it has not begun with: it drops what waits,
+            # and then looks for it.
+            with suppress(Empty):
+                while True:
+                    self._work_ids.get_nowait()
+            flags.shutdown, flags.kill_workers = True, kill_workers
         super().shutdown(wait=wait, kill_workers=kill_workers)
         self._starter.shutdown(wait=False)
 

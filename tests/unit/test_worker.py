@@ -11,6 +11,7 @@ import math
 import os
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -224,6 +225,18 @@ def test_a_process_that_is_ended_from_two_sides_is_ended_once() -> None:
     worker.close()
     worker._end(pool)
     assert not worker._started
+
+
+def test_closing_while_a_call_has_not_begun_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a full disk ends a campaign: a thread of loky failed, and printed a traceback."""
+    failed: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    worker = Worker(60.0)
+    assert worker.compute(float) == 0.0
+    (pool,) = worker._started
+    call = process._submitted(pool, process._computed, process._Computation("it"), float)
+    worker.close()
+    assert call.done() and not failed
 
 
 def _grow(*_: object) -> None:
