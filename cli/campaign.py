@@ -178,7 +178,8 @@ def shrink_command(call: Call) -> None:
     if found.script is not None:
         files["Script"] = call.out / "script.py"
         write_text(files["Script"], found.script)
-    output.show(shrunk_document(given, found, runs, case), call.told, **files)
+    page = shrunk_document(given, found, runs, case, files["Machine"])
+    output.show(page, call.told, **files)
 
 
 def _only(option: str, asked: str | None, there: Sequence[str]) -> str:

@@ -105,7 +105,7 @@ def finished_files(store: Path) -> dict[str, str]:
     if not (store / "campaign.json").is_file():
         return {}
     opened = tb.open_campaign(store)
-    missing = set(opened.missing())
+    missing = set(range(opened.chunks)) - opened.finished()
     paths = [opened.path(chunk) for chunk in range(opened.chunks) if chunk not in missing]
     return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
 

@@ -7,7 +7,7 @@ tolerances are far above.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -122,11 +122,29 @@ def difference(
 
 
 def _read(store: CampaignStore, quantities: tuple[MetricKind, ...]) -> Any:
-    columns = [*_KEYS, "outcome"]
+    """Rows of a campaign, each run once: a design may have the same machine several times."""
+    values = list(store.campaign.machines.values)
+    columns = [*_KEYS, "outcome", "machine", *values]
     for kind in quantities:
         columns += [column_name(kind, "error"), column_name(kind, "tolerance")]
-    table = store.to_pandas(columns)
-    return table.astype({"engine": str, "preset": str, "outcome": str})
+    table = store.to_pandas(columns).astype({"engine": str, "preset": str, "outcome": str})
+    # One that could not be built has no hash: it is known by what it would be built of
+    machines = store.campaign.machines
+    of_family = f"family of seed {store.campaign.seed}, machine " + table["machine"].astype(str)
+    named: Any = of_family if machines.family is not None else _texts(table, values)
+    table["mechanism"] = table["mechanism"].where(table["mechanism"].notna(), named)
+    return table.drop(columns=["machine", *values]).drop_duplicates(_KEYS)
+
+
+def _texts(table: Any, values: Sequence[str]) -> Any:
+    """Values of the machines, each as a text."""
+    return pd.Series(
+        [
+            ", ".join(f"{name} = {value!r}" for name, value in zip(values, row, strict=True))
+            for row in table[values].itertuples(index=False)
+        ],
+        index=table.index,
+    )
 
 
 def _factors(both: Any, kind: MetricKind) -> Any:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import shlex
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -134,6 +136,37 @@ def study_of(runs: Runs, given: Mechanism | Problem, step: float | None = None) 
         diagnose=runs.diagnose,
         timeout=runs.timeout,
     )
+
+
+def again(
+    machine: Sequence[str],
+    runs: Runs,
+    case: EngineCase,
+    given: Mechanism | Problem | None = None,
+) -> str:
+    """Command that makes a run of a campaign again on its own.
+
+    Args:
+        machine: options that name the machine.
+        runs: options of the campaign's runs.
+        case: engine, preset and step.
+        given: the machine where its file is named, which keeps no duration and law of a problem.
+    """
+    words = ["trebucheck", "compare", *machine, "--engine", case.engine, "--preset", case.preset]
+    until, law = runs.until, runs.stop_law
+    if isinstance(given, Problem):
+        until, law = until or given.duration, law or given.stop_law.value
+    if case.timestep is not None:
+        words += ["--timestep", repr(case.timestep)]
+    if until is not None:
+        words += ["--until", str(until)]
+    if law is not None:
+        words += ["--stop-law", law]
+    for name, value in runs.tolerances.items():
+        words += ["--tolerance", f"{name}={value}"]
+    for name, value in runs.options.items():
+        words += ["--option", f"{name}={json.dumps(value)}"]
+    return shlex.join(words)
 
 
 class MovedMachine:

@@ -8,9 +8,7 @@ when the campaign is taken up.
 
 from __future__ import annotations
 
-import json
 import platform
-import shlex
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -32,7 +30,7 @@ from ...models.errors import (
     StudyEndedError,
     UnsupportedProblemError,
 )
-from ...models.library.registry import Model, varied
+from ...models.library.registry import Model, library_problem, varied
 from ...models.trajectory import Trajectory, save
 from ...reference.taylor.batch import launch_batch
 from ..runs.process import ProcessError, Worker
@@ -43,6 +41,7 @@ from .design import DesignPart
 from .machines import (
     EngineCase,
     MovedMachine,
+    again,
     machine_of,
     parameters,
     refuse_impossible,
@@ -70,14 +69,15 @@ def run(
     where = Study(engines=(), jobs=jobs, cluster=cluster, timeout=_longest(described))
     where = where.on_idle_cores()
     store = CampaignStore.begin(out, described, command=command, **where.times)
-    missing = list(store.missing())
-    done = store.chunks - len(missing)
+    finished = store.finished()
+    missing = (chunk for chunk in range(store.chunks) if chunk not in finished)
+    done = len(finished)
     if progress is not None:
         progress("", done, store.chunks)
     with where.worker() as worker:
         make = partial(_make, store, worker)
-        with closing(unordered(make, missing, where.at_once)) as finished:
-            for chunk in finished:
+        with closing(unordered(make, missing, where.at_once)) as made:
+            for chunk in made:
                 done += 1
                 if progress is not None:
                     progress(f"chunk {chunk}", done, store.chunks)
@@ -186,8 +186,8 @@ def make_rows(described: Campaign, machines: DesignPart, kept: Any = None) -> Ch
     Args:
         described: the campaign.
         machines: their numbers and values.
-        kept: rows that are there already, of which those are made again whose process failed; None:
-            there are none.
+        kept: rows that are there already, of which those are made again that
+            :meth:`.CampaignStore.is_to_repeat`; None: there are none.
     """
     if described.runs is None:
         return Chunk(as_parquet(_launched(described, machines)))
@@ -258,7 +258,10 @@ def _runs(
     """
     cases = _cases(runs)
     machine: MovedMachine | None = None
-    asked = [not before or bool(before[k]["process_failed"]) for k in range(len(cases))]
+    asked = [True] * len(cases)
+    for k, (row_before, case) in enumerate(zip(before, cases, strict=False)):
+        same = (row_before["engine"], row_before["preset"]) == (case.engine, case.preset)
+        asked[k] = not same or CampaignStore.is_to_repeat(row_before)
     error: Exception | None = None
     if any(asked):
         try:
@@ -322,7 +325,7 @@ def _table(described: Campaign, rows: list[dict[str, Any]]) -> Any:
 
 
 def _motion_name(row: Mapping[str, Any]) -> str:
-    step = "" if row["timestep"] is None else f"-{row['timestep']:g}"
+    step = "" if row["timestep"] is None else f"-{row['timestep']!r}"
     return f"{row['machine']}-{row['engine']}-{row['preset']}{step}.nc"
 
 
@@ -330,7 +333,7 @@ def _repeat(described: Campaign, row: Mapping[str, Any], case: EngineCase) -> st
     """Commands that make a run again on its own."""
     runs, machines = described.runs, described.machines
     assert runs is not None
-    given, words = machines.model, ["trebucheck", "compare"]
+    given, words = machines.model, list[str]()
     number = int(row["machine"])
     named = isinstance(given, str) and machines.values.keys() <= parameters(given)
     if named:
@@ -339,21 +342,12 @@ def _repeat(described: Campaign, row: Mapping[str, Any], case: EngineCase) -> st
             words += ["--set", f"{name}={float(row[name])!r}"]
     else:
         words += ["--model", f"machine-{number}.json"]
-    words += ["--engine", case.engine, "--preset", case.preset]
-    if case.timestep is not None:
-        words += ["--timestep", repr(case.timestep)]
-    if runs.until is not None:
-        words += ["--until", str(runs.until)]
-    if runs.stop_law is not None:
-        words += ["--stop-law", runs.stop_law]
-    for name, value in runs.tolerances.items():
-        words += ["--tolerance", f"{name}={value}"]
-    for name, value in runs.options.items():
-        words += ["--option", f"{name}={json.dumps(value)}"]
-    again = shlex.join(words)
     if named:
-        return again
-    return f"trebucheck campaign machine . {number} > machine-{number}.json; {again}"
+        return again(words, runs, case)
+    # Its file has no duration and no law of a problem of the library
+    problem = library_problem(given) if isinstance(given, str) else None
+    first = f"trebucheck campaign machine . {number} > machine-{number}.json"
+    return f"{first}; {again(words, runs, case, problem)}"
 
 
 _BESIDE: dict[float, Worker] = {}

@@ -10,7 +10,7 @@ not become zero: else the search ends at a machine that hardly moves, or a singu
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,7 @@ from .spec import Runs
 _DIGITS = (1, 2, 3)  # significant ones that a number is rounded to, the fewest first
 MOST_TRIALS = 2000
 _LEAST_TOLERANCE = 0.1  # of that on the whole machine
+_DIRECTIONS = ("axis", "normal", "gravity_direction")  # last part of a vector's name
 _NEVER_ZERO = ("mass", "inertia")  # last part of a number's name
 
 
@@ -125,8 +126,17 @@ class _Search:
             for simple in _simpler(value):
                 if simple == 0 and name.rpartition(".")[2] in _NEVER_ZERO:
                     continue
-                fields = _with_number(self._mechanism, name, simple)
+                fields = _with_numbers(self._mechanism, {name: simple})
                 if self._accept(f"{name} = {simple:g}", fields):
+                    break
+        # The two numbers of a direction have to change together: its length is 1
+        for name, value in numbers(self._mechanism).items():
+            vector, _, place = name.rpartition(".")
+            if place != "0" or vector.rpartition(".")[2] not in _DIRECTIONS or abs(value) in (0, 1):
+                continue
+            for x, y in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
+                fields = _with_numbers(self._mechanism, {f"{vector}.0": x, f"{vector}.1": y})
+                if self._accept(f"{vector} = ({x:g}, {y:g})", fields):
                     break
 
     @property
@@ -251,11 +261,11 @@ def _simpler(value: float) -> Iterator[float]:
             yield simple
 
 
-def _with_number(mechanism: Mechanism, name: str, value: float) -> dict[str, Any]:
-    """Fields with another value of one number."""
+def _with_numbers(mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, Any]:
+    """Fields with other values of some numbers."""
 
     def replaced(path: str, before: float) -> float:
-        return value if path == name else before
+        return values.get(path, before)
 
     fields: dict[str, Any] = with_numbers(mechanism, replaced).model_dump()
     if not mechanism.start_speeds and not any(fields["start_speeds"]):

@@ -224,7 +224,7 @@ class Campaign(Spec):
                 )
         if x is not None and x == y:
             raise InputError(f"{x!r} stands for both axes of the map; one of them must be another.")
-        rest = [name for name, value in values.items() if not isinstance(value, float)]
+        rest = [name for name, value in values.items() if _varies(value)]
         rest = [name for name in rest if name not in (x, y)]
         chosen = [rest.pop(0) if name is None and rest else name for name in (x, y)]
         return chosen[0] or "machine", chosen[1]
@@ -275,6 +275,11 @@ class Campaign(Spec):
         if named is not None:
             model_of(named)  # which refuses a name that there is not
         return campaign
+
+
+def _varies(value: Values) -> bool:
+    """Tell whether machines differ in a parameter."""
+    return isinstance(value, Interval) or (isinstance(value, tuple) and len(set(value)) > 1)
 
 
 def _place(text: str, field: str) -> str:

@@ -12,7 +12,8 @@ up where files are missing. A folder holds one campaign, made by one set of vers
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +23,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from ...engines.registry import engine_class
 from ...models.errors import InputError, UnwritableError
 from ...models.files import write_bytes, write_text
 from ...models.shown import Reported
-from ..runs.results import ResultFile
+from ..runs.results import Outcome, ResultFile
 from ..runs.versions import Versions, versions_here
 from .design import Design, DesignPart
 from .spec import Campaign
@@ -33,7 +35,9 @@ from .table import columns_of, schema_of
 
 FORMAT = "trebucheck-campaign-1"
 _HEADER = "campaign.json"
+_ROWS, _FILES = "rows", "*/chunk-*.parquet"
 _IN_A_PART = 1000  # chunks: a folder of many thousand files is slow to list
+_MOST_CHUNKS = 10**7  # whose names sort in the order of the machines
 _CODE = (
     "models",
     "reference",
@@ -74,8 +78,9 @@ class CampaignStore(Reported):
 
     def rows(self) -> Iterator[dict[str, object]]:
         """Rows that are there, in the order of the machines."""
-        for batch in self.dataset().to_batches():
-            yield from batch.to_pylist()
+        with self._reading() as dataset:
+            for batch in dataset.to_batches():
+                yield from batch.to_pylist()
 
     def to_dataframe(self) -> Any:
         """Read all rows that are there as a pandas data frame."""
@@ -92,15 +97,22 @@ class CampaignStore(Reported):
 
         Raises:
             InputError: the folder holds another campaign, or was made by other versions, or cannot
-                be written to.
+                be written to; or the campaign is too large for one folder.
         """
         path, columns = Path(folder), columns_of(campaign)
         found = cls._read(path)
         if found is None:
+            machines = Design(campaign).size
+            _refuse_too_many(campaign, machines)
+            if next((path / _ROWS).glob(_FILES), None) is not None:
+                raise InputError(
+                    f"{path} holds rows, and no {_HEADER} that says of which campaign; a folder of "
+                    "its own is needed for each."
+                )
             file = CampaignFile.made_here(
                 campaign=campaign,
                 versions=_versions(campaign),
-                machines=Design(campaign).size,
+                machines=machines,
                 columns={column.name: column.text for column in columns},
                 **made,
             )
@@ -181,12 +193,12 @@ class CampaignStore(Reported):
     @property
     def row_folder(self) -> Path:
         """Folder of the chunks' files."""
-        return self.folder / "rows"
+        return self.folder / _ROWS
 
     @property
     def files(self) -> list[Path]:
         """Files of the chunks that are there, in the order of the machines."""
-        return sorted(self.row_folder.glob("*/chunk-*.parquet"))
+        return sorted(self.row_folder.glob(_FILES))
 
     def path(self, chunk: int) -> Path:
         """Path of a chunk's file."""
@@ -208,32 +220,30 @@ class CampaignStore(Reported):
                 f"{self.folder}` goes on from there."
             ) from None
 
-    def missing(self) -> Iterator[int]:
-        """Chunks without a whole file, and those with rows whose process failed, in their order."""
-        for chunk in range(self.chunks):
-            rows = self._rows_to_repeat(chunk)
-            if rows is None or rows > 0:
-                yield chunk
+    def finished(self) -> set[int]:
+        """Chunks with a whole file, without those with rows that are to be made again."""
+        numbers = (int(path.stem.rpartition("-")[2]) for path in self.files)
+        return {chunk for chunk in numbers if self._is_finished(chunk)}
 
-    def _rows_to_repeat(self, chunk: int) -> int | None:
-        """Rows of a chunk whose process failed; None where there is no whole file."""
-        try:
-            file = pq.ParquetFile(self.path(chunk))
-        except (OSError, pa.ArrowInvalid):
-            return None
-        with file:
-            name = "process_failed"
-            if name not in file.schema_arrow.names or not file.metadata.num_rows:
-                return 0
-            return int(sum(file.read([name])[name].to_pylist()))
+    def _is_finished(self, chunk: int) -> bool:
+        rows = self.read(chunk)
+        return rows is not None and not any(map(self.is_to_repeat, self._states(rows)))
+
+    @staticmethod
+    def is_to_repeat(row: Mapping[str, Any]) -> bool:
+        """Tell whether a row failed for its process's sake, or lacked an engine that is here."""
+        if row.get("outcome") == Outcome.ABSENT.value:
+            return engine_class(row["engine"]).is_installed()
+        return bool(row.get("process_failed"))
+
+    @staticmethod
+    def _states(rows: Any) -> list[dict[str, Any]]:
+        names = ("process_failed", "outcome", "engine")
+        return rows.select([name for name in names if name in rows.column_names]).to_pylist()
 
     def read(self, chunk: int) -> Any:
         """Rows of a chunk as a `pyarrow.Table`; None where there is no whole file."""
-        try:
-            with pq.ParquetFile(self.path(chunk)) as file:
-                return file.read()
-        except (OSError, pa.ArrowInvalid):
-            return None
+        return _table_of(self.path(chunk))
 
     # --- The whole
 
@@ -246,25 +256,66 @@ class CampaignStore(Reported):
         """Find all rows that are there: a `pyarrow.dataset.Dataset`, read as asked for."""
         import pyarrow.dataset as ds  # with pandas; processes that make rows need neither
 
-        files = list(map(str, self.files))
-        return ds.dataset(files, schema=self.schema, format="parquet")
+        checked = ds.ParquetFragmentScanOptions(page_checksum_verification=True)
+        form = ds.ParquetFileFormat(default_fragment_scan_options=checked)
+        return ds.dataset(list(map(str, self.files)), schema=self.schema, format=form)
+
+    @contextmanager
+    def _reading(self) -> Generator[Any]:
+        """Give the dataset; InputError if one of its files is broken."""
+        try:
+            yield self.dataset()
+        except (OSError, pa.ArrowInvalid):
+            broken = next((path for path in self.files if _table_of(path) is None), None)
+            if broken is None:
+                raise
+            raise InputError(
+                f"{broken} is broken; `trebucheck campaign resume {self.folder}` makes its rows "
+                "again."
+            ) from None
 
     def to_pandas(self, columns: list[str] | None = None) -> Any:
-        """Read all rows that are there, in the order of the machines: a `pandas.DataFrame`."""
-        return self.dataset().to_table(columns=columns).to_pandas()
+        """Read all rows that are there, in the order of the machines: a `pandas.DataFrame`.
+
+        Raises:
+            InputError: one of the files is broken.
+        """
+        with self._reading() as dataset:
+            return dataset.to_table(columns=columns).to_pandas()
 
     @property
     def has_result(self) -> bool:
         """Tell whether a run was judged, or a machine launched."""
-        if self.campaign.runs is None:
-            found = self.dataset().filter(pc.field("launched"))
-        else:
-            found = self.dataset().filter(pc.field("share").is_valid())
-        return bool(found.count_rows() > 0)
+        with self._reading() as dataset:
+            if self.campaign.runs is None:
+                found = dataset.filter(pc.field("launched"))
+            else:
+                found = dataset.filter(pc.field("share").is_valid())
+            return bool(found.count_rows() > 0)
 
     def __len__(self) -> int:
         """Number of rows that are there."""
-        return int(self.dataset().count_rows())
+        with self._reading() as dataset:
+            return int(dataset.count_rows())
+
+
+def _refuse_too_many(campaign: Campaign, machines: int) -> None:
+    """Raise InputError if a campaign has more chunks than a folder may have files."""
+    size = campaign.chunk_size(machines)
+    if machines > _MOST_CHUNKS * size:
+        raise InputError(
+            f"{campaign.name!r} has {machines} machines in chunks of {size}: a folder holds "
+            f"{_MOST_CHUNKS} chunks; cut it into several campaigns, or choose a larger chunk."
+        )
+
+
+def _table_of(path: Path) -> Any:
+    """Rows of a file as a `pyarrow.Table`; None where it is missing or broken."""
+    try:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+            return file.read()
+    except (OSError, pa.ArrowInvalid):
+        return None
 
 
 def as_parquet(table: Any) -> bytes:

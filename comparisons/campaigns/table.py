@@ -49,10 +49,9 @@ class RowColumn:
         return pa.field(self.name, self.type, metadata={"unit": self.unit} if self.unit else None)
 
 
-_MACHINE = (
-    RowColumn("machine", _WHOLE, "number of the machine in the design"),
-    RowColumn("mechanism", _TEXT, "first digits of the SHA-256 of the mechanism"),
-)
+_NUMBER = RowColumn("machine", _WHOLE, "number of the machine in the design")
+_BUILT = RowColumn("mechanism", _TEXT, "first digits of the SHA-256 of the mechanism")
+_VARIED = RowColumn("mechanism", _TEXT, "first digits of the SHA-256 of the model and the values")
 _RUN = (
     RowColumn("run", _TEXT, "the same of all that makes the run, versions among it"),
     RowColumn("model", _NAMES, "name of the mechanism"),
@@ -63,7 +62,7 @@ _RUN = (
     RowColumn("steps", _WHOLE, "steps of the run"),
     RowColumn("outcome", _NAMES, "verdict, or how the run failed"),
     RowColumn("message", _TEXT, "why it failed or was not judged"),
-    RowColumn("process_failed", _TRUTH, "not the run failed but its process: it is made again"),
+    RowColumn("process_failed", _TRUTH, "its process failed, and not the run: it is made again"),
     RowColumn("compared_to", _REAL, "end of the motion", "s"),
     RowColumn("judged_to", _REAL, "that, or the predictability horizon if earlier", "s"),
     RowColumn("stretching", _REAL, "displacement up to there per change of inertia"),
@@ -109,7 +108,8 @@ def columns_of(campaign: Campaign) -> list[RowColumn]:
     Raises:
         InputError: a parameter has the name of a column.
     """
-    columns = [*_MACHINE, *parameter_columns(campaign)]
+    hashed = _VARIED if campaign.runs is None else _BUILT
+    columns = [_NUMBER, hashed, *parameter_columns(campaign)]
     if campaign.runs is None:
         columns += [*_LAUNCH, *(_release(name) for name in _stops(campaign)), _MESSAGE]
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import time
 import tomllib
@@ -217,7 +218,7 @@ def test_engines_that_crash_hang_or_raise_cost_theirrows(
     assert [rows[name]["process_failed"] for name in names] == [True, True, False]
     assert "careless" in rows["raiser"]["message"]
     assert rows["mujoco"]["outcome"] in ("agrees", "disagrees")
-    assert list(store.missing()) == [0]
+    assert store.finished() == set()
 
 
 def test_what_failed_for_its_processs_sake_alone_is_made_again(
@@ -287,10 +288,10 @@ def test_what_is_there_is_not_made_again(tmp_path: Path, pendulums: CampaignStor
     first, second = store.path(0), store.path(1)
     before = first.stat().st_mtime_ns
     second.write_bytes(second.read_bytes()[:-9])  # as after a fault of the disk
-    assert list(store.missing()) == [1]
+    assert 1 not in store.finished() and len(store.finished()) == store.chunks - 1
     again = campaign(PENDULUMS, tmp_path, jobs=1)
     assert first.stat().st_mtime_ns == before
-    assert rows(again) == rows(pendulums) and not list(again.missing())
+    assert rows(again) == rows(pendulums) and len(again.finished()) == again.chunks
 
 
 def test_a_full_disk_ends_it_with_a_sentence_and_an_intact_store(
@@ -307,7 +308,7 @@ def test_a_full_disk_ends_it_with_a_sentence_and_an_intact_store(
     monkeypatch.setattr("trebucheck.comparisons.campaigns.store.write_bytes", full)
     with pytest.raises(UnwritableError, match=r"No space left.*campaign resume"):
         campaign(PENDULUMS, tmp_path, jobs=1)
-    assert list(open_campaign(tmp_path).missing()) == [1]
+    assert open_campaign(tmp_path).finished() == {0}
     assert len(open_campaign(tmp_path)) == 2
 
 
@@ -322,6 +323,52 @@ def test_a_folder_holds_one_campaign_of_one_set_of_versions(tmp_path: Path) -> N
         campaign(_with(chunk=4), tmp_path)
     with pytest.raises(tb.InputError, match="holds no campaign"):
         open_campaign(tmp_path / "elsewhere")
+
+
+def test_a_broken_file_is_named_and_made_again(tmp_path: Path, pendulums: CampaignStore) -> None:
+    """Also where the fault is in a column that says nothing of what is missing."""
+    shutil.copytree(pendulums.folder, tmp_path / "store")
+    store = open_campaign(tmp_path / "store")
+    content = bytearray(store.path(0).read_bytes())
+    content[40] ^= 0xFF
+    store.path(0).write_bytes(content)
+    with pytest.raises(tb.InputError, match=r"chunk-0000000.parquet is broken; .*resume"):
+        store.to_pandas()
+    assert 0 not in store.finished()
+    assert rows(campaign(PENDULUMS, store.folder, jobs=1)) == rows(pendulums)
+
+
+def test_rows_of_no_campaign_are_not_taken_for_those_of_another(
+    tmp_path: Path, pendulums: CampaignStore
+) -> None:
+    shutil.copytree(pendulums.row_folder, tmp_path / "rows")
+    with pytest.raises(tb.InputError, match=r"holds rows, and no campaign\.json"):
+        campaign(_with(name="others"), tmp_path)
+
+
+def test_a_campaign_that_no_folder_could_hold_is_refused(tmp_path: Path) -> None:
+    value = {"min": 1.0, "max": 2.0, "steps": 10**9}
+    machines = PENDULUMS["machines"] | {"values": {"length": value, "mass": value}}
+    with pytest.raises(tb.InputError, match=r"has 1000000000000000000 machines"):
+        campaign(_with(machines=machines), tmp_path / "store")
+    assert not (tmp_path / "store").exists()
+
+
+def test_a_run_without_its_engine_is_made_when_that_is_installed() -> None:
+    absent = {"outcome": "not installed", "process_failed": False}
+    assert CampaignStore.is_to_repeat({**absent, "engine": "mujoco"})
+    assert not CampaignStore.is_to_repeat(
+        {"outcome": "failed", "process_failed": False, "engine": "mujoco"}
+    )
+
+
+def test_a_difference_has_each_run_once(tmp_path: Path) -> None:
+    """Machines that cannot be built, and machines that are there twice, among them."""
+    machines = PENDULUMS["machines"] | {"values": {"length": [-1.0, -2.0, 1.0, 1.0]}}
+    store = campaign(_with(machines=machines), tmp_path, jobs=1)
+    found = difference(store, store)
+    assert len(found.runs) == 3 * len(store) // 4 and found.passed
+    assert (found.only_old, found.only_new) == (0, 0)
 
 
 # --- Launches

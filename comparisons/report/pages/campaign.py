@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from ...campaigns.agreement import (
     layers,
 )
 from ...campaigns.changes import CampaignDifference
-from ...campaigns.machines import EngineCase
+from ...campaigns.machines import EngineCase, again
 from ...campaigns.ranking import LEAST, ranking
 from ...campaigns.shrink import Shrunk
 from ...campaigns.spec import Runs
@@ -46,7 +47,7 @@ _CLEARLY = 1.5  # times the index of a random number
 _HOW = (
     "Each point is a machine. Its colour tells the error in parts of its tolerance, of the "
     "quantity that is chosen; of all quantities it is the worst. Circles hold their tolerance; "
-    "other symbols do not."
+    "other symbols do not. Where several stand at one place, the worst is seen."
 )
 _RANKED = (
     "The PAWN index of a parameter (Pianosi and Wagener) is how far, on average, the distribution "
@@ -104,8 +105,12 @@ def _verdict(store: CampaignStore, found: list[Layer]) -> str:
     for layer in found:
         if layer.quantity == ALL:
             counts.update(layer.rows["outcome"])
+    if not counts:
+        whole = len(store.files) == store.chunks
+        why = "`where` leaves no machine" if whole else "no chunk is finished yet"
+        return f"There is no run of {store.campaign.name}: {why}."
     outcomes = ", ".join(f"{number} {_PLURAL[text]}" for text, number in counts.most_common())
-    return f"{sum(counts.values())} runs of {store.campaign.name}: {outcomes or 'none'}."
+    return f"{sum(counts.values())} runs of {store.campaign.name}: {outcomes}."
 
 
 _PLURAL = {outcome.value: outcome.value for outcome in Outcome} | {
@@ -183,11 +188,12 @@ def _plot(store: CampaignStore, layer: Layer, x: str, y: str | None) -> Plot:
     thin = slice(None, None, max(1, len(levels) // _MOST))
     rows, levels = layer.rows[thin], levels[thin]
     shares = layer.share[thin]
-    looks = [
+    # The worst last, above others at the same place
+    looks = [(-1, NOT_JUDGED, Style(_GREY, symbol="triangle"))]
+    looks += [
         (level, name, Style(_COLOURS[level], symbol=_SYMBOLS[level]))
         for level, name in enumerate(LEVELS)
     ]
-    looks += [(-1, NOT_JUDGED, Style(_GREY, symbol="triangle"))]
     looks += [(-2, FAILED, Style(_GREY, symbol="times"))]
     for level, name, style in looks:
         at = levels == level
@@ -368,9 +374,9 @@ def difference_document(found: CampaignDifference) -> doc.Document:
 
 
 def shrunk_document(
-    given: Mechanism | Problem, found: Shrunk, runs: Runs, case: EngineCase
+    given: Mechanism | Problem, found: Shrunk, runs: Runs, case: EngineCase, file: Path
 ) -> doc.Document:
-    """Report of the least machine that still shows a disagreement."""
+    """Report of the least machine that still shows a disagreement, which is in a file."""
     before, after = mechanism_of(given), found.mechanism
     rows: list[tuple[object, ...]] = [
         (what, len(getattr(before, name)), len(getattr(after, name)))
@@ -382,18 +388,14 @@ def shrunk_document(
         )
     ]
     rows.append(("digits of numbers", _digits(before), _digits(after)))
-    worst = max(found.run.broken, key=lambda metric: metric.share or 0.0)
+    of_it = [metric for metric in found.run.broken if metric.name == found.worst]
+    worst = max(of_it, key=lambda metric: metric.share or 0.0)
     verdict = (
         f"{case.engine} {case.preset} still breaks {found.worst} on a machine with "
         f"{len(after.bodies)} of {len(before.bodies)} bodies: {worst.label} is off by "
         f"{format_number(worst.value)} {worst.unit}, {format_number(worst.share)} of its tolerance."
     )
-    until = "" if runs.until is None else f" --until {runs.until}"
-    step = "" if case.timestep is None else f" --timestep {case.timestep:g}"
-    command = (
-        f"trebucheck compare --model machine.json --engine {case.engine} --preset {case.preset}"
-        f"{until}{step}"
-    )
+    command = again(["--model", str(file)], runs, case, found.given)
     blocks = (
         doc.Text(verdict, "strong"),
         doc.table("what | before | after", rows),
