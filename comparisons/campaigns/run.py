@@ -50,7 +50,8 @@ from .spec import Campaign, Launches, Runs
 from .store import CampaignStore, as_parquet, from_parquet
 from .table import DIGITS, ThrownPart, kept_quantities, launch_table, run_row, schema_of
 
-_AHEAD = 2  # chunks that wait for a process, for each process
+_AHEAD = 2  # chunks under way for each process: one of them waits
+_MOST_AT_ONCE = 10_000  # chunks under way, each of which has a thread here
 _Item = TypeVar("_Item")
 _Made = TypeVar("_Made")
 
@@ -76,7 +77,7 @@ def run(
         progress("", done, store.chunks)
     with where.worker() as worker:
         make = partial(_make, store, worker)
-        with closing(unordered(make, missing, where.at_once)) as made:
+        with closing(unordered(make, missing, lambda: where.at_once)) as made:
             for chunk in made:
                 done += 1
                 if progress is not None:
@@ -94,20 +95,20 @@ def _longest(described: Campaign) -> float:
 
 
 def unordered(
-    function: Callable[[_Item], _Made], items: Iterable[_Item], jobs: int
+    function: Callable[[_Item], _Made], items: Iterable[_Item], jobs: Callable[[], int]
 ) -> Generator[_Made]:
     """Compute a function's values several at once, in the order in which they are finished.
 
     Args:
         function: serves calls from several threads.
         items: taken as processes become free.
-        jobs: processes that serve the calls.
+        jobs: tells how many processes serve the calls now; workers of a cluster join and leave.
     """
-    threads, running = ThreadPoolExecutor(jobs + 1), set[Future[_Made]]()
+    threads, running = ThreadPoolExecutor(_MOST_AT_ONCE), set[Future[_Made]]()
     try:
         for item in items:
             running.add(threads.submit(function, item))
-            if len(running) >= _AHEAD * jobs:
+            if len(running) >= min(_AHEAD * jobs(), _MOST_AT_ONCE):
                 finished, running = wait(running, return_when=FIRST_COMPLETED)
                 for each in finished:
                     yield each.result()

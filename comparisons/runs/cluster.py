@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import multiprocessing
 import os
 import time
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from pathlib import Path
 from threading import Lock
 from typing import Any, NamedTuple, NoReturn, Self, cast
@@ -33,6 +34,7 @@ Given = Any
 
 _CONNECT = 30.0  # [s] longest wait for a scheduler
 _WORKERS = 60.0  # [s] longest wait for its first worker
+_LOOK_AGAIN = 5.0  # [s] between looks at the number of workers
 
 
 @dataclass
@@ -48,6 +50,8 @@ class Cluster:
     versions: Versions = field(default_factory=versions_here)
     token: str = field(default_factory=lambda: uuid4().hex)
     """Name by which workers tell its calls from those of other clients."""
+    _threads: int = field(default=1, init=False)
+    _look_again: float = field(default=-math.inf, init=False)  # [s] of the monotonic clock
 
     @classmethod
     def of(cls, given: Given) -> Self:
@@ -69,10 +73,15 @@ class Cluster:
             raise
         return found
 
-    @cached_property
+    @property
     def jobs(self) -> int:
-        """Threads of all workers when this is first asked: calls that are made at once."""
-        return max(1, sum(self.client.nthreads().values()))
+        """Threads of all workers, which may join and leave: calls that are made at once."""
+        now = time.monotonic()
+        if now >= self._look_again:
+            self._look_again = now + _LOOK_AGAIN
+            with suppress(CancelledError, OSError, TimeoutError):  # the calls will say so
+                self._threads = max(1, sum(self.client.nthreads().values()))
+        return self._threads
 
     def refuse_other_versions(self) -> None:
         """Raise InputError if a worker has other versions than this process, or there is none."""

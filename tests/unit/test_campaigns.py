@@ -11,6 +11,7 @@ import tomllib
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -179,6 +180,20 @@ def test_the_command_of_a_row_makes_it_again(pendulums: CampaignStore) -> None:
 
 def test_the_order_of_completion_changes_nothing(pendulums: CampaignStore, tmp_path: Path) -> None:
     assert rows(campaign(PENDULUMS, tmp_path, jobs=2)) == rows(pendulums)
+
+
+def test_workers_that_join_are_used() -> None:
+    at_once, together = [1], Barrier(4)
+
+    def make(item: int) -> int:
+        if item == 0:
+            at_once[0] = 2  # and as many calls wait
+        else:
+            together.wait(30.0)  # for three others
+        return item
+
+    made = campaign_run.unordered(make, range(5), lambda: at_once[0])
+    assert sorted(made) == [*range(5)]
 
 
 def test_units_and_meanings_stand_in_the_files(pendulums: CampaignStore) -> None:
