@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from ..comparisons.prove import prove
 from ..models.arrays import BoolArray, ComplexArray, FloatArray
 from ..models.elements import (
     GROUND,
@@ -62,6 +63,12 @@ from ..reference.certification.certify import (
 from ..reference.certification.constrained import PointState
 from ..reference.equations import Equations
 from ..reference.perturbed import solve_scheduled
+from ..reference.proof.balls import Ball, acb, arb, between, precision, squared
+from ..reference.proof.mechanics import kinetic_energy, potential_energy
+from ..reference.proof.motion import Phase
+from ..reference.proof.numbers import as_coordinates
+from ..reference.proof.printed import Interval, Standing
+from ..reference.proof.proof import Enclosure, Proof
 from ..reference.solution import Solution
 from ..reference.solver import characteristic_time, solve, solve_to_launch
 from ..reference.taylor.batch import launch_batch

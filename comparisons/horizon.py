@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
-from ..models.errors import InputError, SimulationError, TrebucheckError
+from ..models.errors import InputError, TrebucheckError
 from ..models.kinematics import initial_state
 from ..models.library.registry import Model
 from ..models.mechanism import Mechanism
@@ -157,12 +157,9 @@ def horizon(
     linear = _linear(solution, last, bits, sizes)
     apart: Parting | None = None
     if linear.signs is not None:
-        try:
-            apart = parting(
-                moved, bits, linear.signs, Fraction(last), sizes, limits, shown("two motions")
-            )
-        except SimulationError:  # nothing is shown to be lost then
-            apart = None
+        apart = parting(
+            moved, bits, linear.signs, Fraction(last), sizes, limits, shown("two motions")
+        )
     known = _known(all_of_them.times, all_of_them.radii, apart)
     return Horizon.made_here(
         model=mechanism.name,

@@ -133,9 +133,9 @@ def _passage(proof: Proof, read: Passage) -> Ball:
 def _beside(
     benchmark: Benchmark, figure: KnownValue, known: Enclosure | None, why: str
 ) -> PublishedFigure:
-    expected = repr(figure.value)
+    expected = figure.printed or repr(figure.value)
     interval = Interval.around(figure.value, figure.tolerance)
-    if figure.basis == "published":
+    if figure.printed:
         interval = Interval.rounding_to(expected)
     assert interval.low is not None
     assert interval.high is not None

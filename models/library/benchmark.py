@@ -56,6 +56,8 @@ class KnownValue:
     """Tolerance of the reference, in the unit: the digits that are published or computable."""
     read: Callable[[ContinuousMotion], float]
     basis: Literal["closed form", "quadrature", "published"] = "closed form"
+    printed: str = ""
+    """Its digits in the source, of a published one."""
 
 
 @dataclass(frozen=True)

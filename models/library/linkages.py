@@ -446,15 +446,18 @@ _K = {
 _E = (-0.028, 0.0)  # [m] where K3, K4 and K6 meet, on K2
 _END = 0.03  # [s]
 _ANGLES = {
-    "beta": ("k1", None, -0.0617138900142764496358948458001, 15.81077119629904),
-    "Theta": ("k2", "k1", 0.0, -15.75637105984298),
-    "gamma": ("k3", None, 0.455279819163070380255912382449, 0.04082224013073101),
-    "Phi": ("k4", "k5", 0.222668390165885884674473185609, -0.5347301163226948),
-    "delta": ("k5", None, 0.487364979543842550225598953530, 0.5244099658805304),
-    "Omega": ("k6", "k7", -0.222668390165885884674473185609, 0.5347301163226948),
-    "epsilon": ("k7", None, 1.23054744454982119249735015568, 1.048080741042263),
+    "beta": ("k1", None, -0.0617138900142764496358948458001, "15.81077119629904"),
+    "Theta": ("k2", "k1", 0.0, "-15.75637105984298"),
+    "gamma": ("k3", None, 0.455279819163070380255912382449, "0.04082224013073101"),
+    "Phi": ("k4", "k5", 0.222668390165885884674473185609, "-0.5347301163226948"),
+    "delta": ("k5", None, 0.487364979543842550225598953530, "0.5244099658805304"),
+    "Omega": ("k6", "k7", -0.222668390165885884674473185609, "0.5347301163226948"),
+    "epsilon": ("k7", None, 1.23054744454982119249735015568, "1.048080741042263"),
 }
-"""Published angles: our coordinate, the one it counts from, values at the start and end [rad]."""
+"""Published angles: our coordinate, the one it counts from, values at the start and end [rad].
+
+Those at the end are as printed.
+"""
 
 
 class SqueezerParameters(BenchmarkParameters):
@@ -530,10 +533,15 @@ class SqueezerParameters(BenchmarkParameters):
         if self != SqueezerParameters():
             return ()
         figures: list[KnownValue] = []
-        for name, (_, _, _, value) in _ANGLES.items():
-            tolerance, read = 1e-9 * abs(value), At(published_angle(name), _END)
-            figure = KnownValue(f"{name} at 0.03 s", value, "rad", tolerance, read, "published")
-            figures.append(figure)
+        for angle, (_, _, _, printed) in _ANGLES.items():
+            name, value, read = (
+                f"{angle} at 0.03 s",
+                float(printed),
+                At(published_angle(angle), _END),
+            )
+            tolerance = 1e-9 * abs(value)
+            known = KnownValue(name, value, "rad", tolerance, read, "published", printed)
+            figures.append(known)
         return tuple(figures)
 
 

@@ -69,7 +69,7 @@ def document(study: Study) -> Document:
     blocks = (
         Note(intro),
         doc.Tiles(tiles),
-        Text(f"{headline(study)} {agreement(study)}", medium="page"),
+        Text(f"{headline(study)} {agreement(study)} {proofs(study)}", medium="page"),
         Heading("What matters most", 2),
         doc.page_only(most_important),
         *_claims(study, names),
@@ -91,7 +91,19 @@ def summary(study: Study) -> str:
     failing = [claim for claim in facts(study.claims) if claim.verdict is Verdict.FAILS]
     rows = [(claim.where, claim.name, claim.printed, _value(claim.ours, 4)) for claim in failing]
     columns = ("where", "does not hold", "printed", "ours")
-    return markdown.text(Document("", (Text(headline(study)), table(columns, rows))))
+    proved = [
+        (each.where, each.name, each.printed, _proof(each).text, each.proved.value or "")
+        for each in study.claims
+        if each.proved.holds is not None
+    ]
+    heads = ("where", "claim", "printed", "proof", "enclosed")
+    blocks = (
+        Text(headline(study)),
+        table(columns, rows),
+        Text(proofs(study)),
+        table(heads, proved),
+    )
+    return markdown.text(Document("", blocks))
 
 
 def engines(study: Study) -> list[str]:
@@ -237,6 +249,7 @@ def _claims(study: Study, names: Sequence[str]) -> Iterator[Block]:
         Column("ours", medium="terminal", rank=2),
         Column("±", medium="page"),
         *(Column(name, medium="page") for name in names),
+        words("proof", medium="page"),
         Column("engines", medium="terminal", rank=3),
         Column("verdict", align="left", medium="terminal", rank=0),
     )
@@ -303,6 +316,7 @@ def _claim(claim: Claim, counted: Claim, names: Sequence[str], anchor: str) -> I
         _value(claim.ours, 6),
         "" if uncertainty is None else format_number(uncertainty),
         *(_engine_value(claim, name) for name in names),
+        _proof(claim),
         _agreeing(claim),
         verdict,
         anchor=anchor,
@@ -313,6 +327,25 @@ def _claim(claim: Claim, counted: Claim, names: Sequence[str], anchor: str) -> I
 
 def _verdict(claim: Claim) -> Cell:
     return Cell(_SHORT[claim.verdict], _MARKS[claim.verdict], hint=claim.rule)
+
+
+def _proof(claim: Claim) -> Cell:
+    """What is proved of the claim; the enclosure shows where it is pointed at."""
+    unit = "" if claim.ours is None else claim.ours.unit
+    known, mark = claim.proved, doc.mark_of(claim.proved.holds)
+    hint = "" if known.value is None else f"{known.value} ± {known.radius} {unit}".rstrip()
+    if known.holds is None:
+        mark = "muted"
+    return Cell(known.sentence(unit), mark, hint=hint)
+
+
+def proofs(study: Study) -> str:
+    """One line: how many rows a proof of their motion decides."""
+    holds = Counter(claim.proved.holds for claim in study.claims)
+    return (
+        f"Of {len(study.claims)} rows {holds[True]} are proved to hold as printed and "
+        f"{holds[False]} not to; {holds[None]} are no numbers of a motion that is enclosed."
+    )
 
 
 def _agreeing(claim: Claim) -> str:

@@ -27,7 +27,9 @@ from .curves import series
 from .design.efficiency import efficiencies
 from .design.study import design_rolling
 from .drag.study import drag_study
-from .evidence.claims import BEST_L1, Claim, Study, Unreached
+from .evidence.claims import BEST_L1, Claim, Proved, Study, Unreached
+from .evidence.proved import Enclosures
+from .evidence.quantities import ARM_ARRIVAL
 from .evidence.throws import MachineThrow, throw_by_all
 from .evidence.verdicts import FIXED, ROLLING, Evidence, Row, undecided
 from .identification.study import identify
@@ -77,6 +79,14 @@ SECTIONS: dict[str, Compute] = {
 
 THROWS = (machine, throw, rolling)
 """Modules of the rows on the two machines and their throws."""
+_UNPROVED = {
+    "drag": "a flight with drag is not enclosed",
+    "sweep": "the claim is of motions over a sweep, which are enclosed one by one only",
+    "design": "the machine was found by a search, which proves no optimum",
+    "identification": "the start was fitted",
+    "machines": "the machines were found by a search, which proves no optimum",
+}
+"""Why claims of the further studies that are no formulas of the two throws are not proved."""
 _ROWS: dict[str, tuple[str, Callable[[Any, Evidence], Iterable[Row]]]] = {
     "drag": ("Table II", fitted.drag_rows),
     "sweep": ("Sec. V, Fig. 5", sweep.rows),
@@ -158,7 +168,13 @@ def study(
             parts.start(f"throws: {name}")
             throws[name] = _throw(name, p, names, timeout)
         results, failures = _results(running, parts)
-    evidence = Evidence(p, throws, results, failures)
+        parts.show("proofs")
+        enclosures = Enclosures(
+            {name: throw.mechanism for name, throw in throws.items()},
+            {name: throw.launch_time for name, throw in throws.items()},
+            {name: throw.values[ARM_ARRIVAL] for name, throw in throws.items()},
+        )
+    evidence = Evidence(p, throws, results, failures, enclosures)
     return Study(
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=_versions(names),
@@ -219,7 +235,10 @@ def _of_section(name: str, evidence: Evidence) -> list[Claim]:
     (where, rows), why = _ROWS[name], evidence.failures.get(name)
     if name in evidence.sections:
         try:
-            return [row.claim(evidence) for row in rows(evidence.sections[name], evidence)]
+            return [
+                _with_reason(row.claim(evidence), _UNPROVED[name])
+                for row in rows(evidence.sections[name], evidence)
+            ]
         except Exception as error:  # rows of other studies must not be lost with these
             why = f"{type(error).__name__}: {error}"
     if why is None:
@@ -229,6 +248,13 @@ def _of_section(name: str, evidence: Evidence) -> list[Claim]:
         undecided(f"its computation failed: {why}"),
     )
     return [Row(f"all of {name}", where, "", quantity, None, failed).claim(evidence)]
+
+
+def _with_reason(claim: Claim, why: str) -> Claim:
+    """A claim whose number has no enclosure, with the reason of its study."""
+    if claim.proved.value is not None:
+        return claim
+    return claim.model_copy(update={"proved": Proved(why=why)})
 
 
 def order(where: str) -> int:

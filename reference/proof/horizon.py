@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -29,7 +30,7 @@ _FINER = 60
 _SPARE = 40  # bits of computation beside those of remainders
 _BITS_PER_ORDER = 6  # of a remainder; steps are then 2^-6 of the radius of convergence
 _LEAST_ORDER = 14
-_OF_POINTS = 100  # bits of motions from one point, which lose them as they grow
+_OF_POINTS = 160  # bits of motions from one point, which lose them as they grow
 _ORDER_PER_BIT = 1.1 * math.log10(2)  # of their polynomials
 _TIMES = Fraction(1, 64)  # [s] between which motions from two points are compared
 
@@ -180,8 +181,8 @@ def parting(
         signs: of the corner, of coordinates and speeds.
         until: end [s].
 
-    Raises:
-        SimulationError: an inequality stays undecided, or a limit is reached.
+    Returns:
+        Distances as far as both are enclosed.
     """
     kept = bits + _OF_POINTS
     order, motions = math.ceil(_ORDER_PER_BIT * kept), list[ProvedMotion]()
@@ -189,12 +190,13 @@ def parting(
         for side in (1.0, -1.0):
             start = corner(problem, bits, [side * sign for sign in signs])
             motions.append(ProvedMotion(problem, order, kept, limits, progress, start))
-            motions[-1].run(until)
+            with suppress(SimulationError):
+                motions[-1].run(until)
         times, distances = list[float](), list[float]()
         for k in range(1, math.floor(until / _TIMES) + 1):
             states = [_at(motion, k * _TIMES) for motion in motions]
             if any(state is None for state in states):
-                continue  # within the radius of an event's time
+                continue  # within the radius of an event's time, or beyond the enclosure
             (a, _), (b, _) = (state for state in states if state is not None)
             least = 0.0
             for x, y, size in zip(a, b, sizes, strict=True):
@@ -205,10 +207,11 @@ def parting(
 
 
 def _at(motion: ProvedMotion, t: Fraction) -> State | None:
-    """The state at a time [s]; None: within the radius of an event's time."""
+    """The state at a time [s]; None: within the radius of an event's time, or not enclosed."""
     ball, phases = exact(t), motion.phases
     for k, phase in enumerate(phases):
         begun = k == 0 or ball > phase.start
         if begun and (k + 1 == len(phases) or ball < phases[k + 1].start):
-            return phase.at(ball)
+            with suppress(ValueError):
+                return phase.at(ball)
     return None

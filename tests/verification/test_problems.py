@@ -19,6 +19,8 @@ from trebucheck.comparisons.report import markdown
 from trebucheck.comparisons.report.pages.problems import library
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.models.library.benchmark import (
+    Passage,
+    Period,
     suite_condition,
     swing,
     swing_period,

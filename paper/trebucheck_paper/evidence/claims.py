@@ -117,6 +117,31 @@ class EngineValue(Spec):
         return abs(self.value - ours.value) <= self.tolerance + (ours.uncertainty or 0.0)
 
 
+class Proved(Spec):
+    """What ball arithmetic proves of a claim."""
+
+    holds: bool | None = Field(
+        default=None, description="whether the claim holds as printed; None: it is not proved"
+    )
+    value: str | None = Field(
+        default=None, description="of the enclosure of the quantity, in its unit; None: it has none"
+    )
+    radius: str | None = None
+    off: Real | None = Field(
+        default=None,
+        description="least distance from what is claimed, where that does not hold, in its unit",
+    )
+    why: str = Field(default="", description="why it is not proved")
+
+    def sentence(self, unit: str = "") -> str:
+        """Tell what is proved."""
+        if self.holds is None:
+            return f"not proved: {self.why}"
+        if self.holds:
+            return "proved to hold as printed"
+        return f"proved not to hold as printed (off by {self.off:.3g} {unit}".rstrip() + ")"
+
+
 class Claim(Spec):
     """One number (or order, or fact) of the paper against ours."""
 
@@ -139,6 +164,10 @@ class Claim(Spec):
         default=None,
         description="distance of ours from what is claimed, as its share; 1: a claimed fact is not "
         "there",
+    )
+    proved: Proved = Field(
+        default=Proved(why="no number of one motion"),
+        description="what a proof of the motion says of the claim as it is printed",
     )
 
 
@@ -200,9 +229,10 @@ class Study(Reported, Spec):
                 "unit": "" if ours is None else ours.unit,
             }
             yield {
-                **claim.model_dump(exclude={"ours", "engines"}),
+                **claim.model_dump(exclude={"ours", "engines", "proved"}),
                 **value,
                 "verdict": claim.verdict.value,
+                "proof": claim.proved.sentence(str(value["unit"])),
             }
 
 

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from typing import Any, TypeVar
 
-from trebucheck.api.mechanics import TrebuchetParameters
+from trebucheck.api.mechanics import Interval, TrebuchetParameters
 
 from .claims import Claim, EngineValue, Printed, Quantity, Verdict, parse
+from .proved import Enclosures
 from .quantities import Formula, Readings, ThrowQuantity, Values
 from .throws import EngineThrow, MachineThrow
 
@@ -27,6 +29,8 @@ class Judgement:
     why: str = ""
     departure: float | None = None
     """Distance of ours from the claim, relative to the claim; 1 where a claimed fact is absent."""
+    interval: Interval | None = None
+    """Values for which the claim holds as printed; None: the rule is of another kind."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,8 @@ class Grid:
     value: float
 
 
+_LEAST = Fraction(1, 10**30)  # of what is positive: an exact zero is not
+
 _TO_THE_DIGITS = (
     "|ours - printed| is at most half a unit of the last printed digit plus our uncertainty"
 )
@@ -61,6 +67,7 @@ def as_printed(
     ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()
 ) -> Judgement:
     """A printed number: holds to its digits, or within the paper's own grid, or not."""
+    holding = Interval.rounding_to(parse(printed).digits)
     number = parse(printed)
     allowed = number.half + (ours.uncertainty or 0.0)
     error = abs(ours.value - number.value)
@@ -68,16 +75,18 @@ def as_printed(
     rule = _TO_THE_DIGITS + (_ON_GRID if grid else "")
     # A value that stands exactly on the border of rounding may lose an ulp on its way here.
     if error <= allowed * (1 + 1e-12):
-        return Judgement(Verdict.HOLDS, rule, departure=departure)
+        return Judgement(Verdict.HOLDS, rule, departure=departure, interval=holding)
     on_grid = (
         ""
         if grid is None
         else f", and {grid.value:.5g} at {grid.point:.5g}, the best on a grid of {grid.step}"
     )
     if grid and abs(grid.value - number.value) <= allowed * (1 + 1e-12):
-        return Judgement(Verdict.WITHIN_GRID, rule, f"ours is {_format(ours)}{on_grid}", departure)
+        return Judgement(
+            Verdict.WITHIN_GRID, rule, f"ours is {_format(ours)}{on_grid}", departure, holding
+        )
     fact = f"ours is {_format(ours)}, {_format(error, ours.unit, 3)} away{on_grid}"
-    return Judgement(Verdict.FAILS, rule, _why(fact, causes), departure)
+    return Judgement(Verdict.FAILS, rule, _why(fact, causes), departure, holding)
 
 
 def by_reading(ours: Mapping[str, Quantity], printed: str) -> Judgement:
@@ -100,25 +109,33 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
     Args:
         what: the margin in words, for the rule and the sentence.
     """
+    holding = Interval(_LEAST, None)
     rule = f"{what} is positive, by more than its uncertainty"
     if margin.value > (margin.uncertainty or 0.0):
-        return Judgement(Verdict.HOLDS, rule)
+        return Judgement(Verdict.HOLDS, rule, interval=holding)
     return Judgement(
-        Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_format(margin)}", causes), 1.0
+        Verdict.FAILS, rule, _why(f"{what.rstrip(',')} is {_format(margin)}", causes), 1.0, holding
     )
+
+
+def negative(margin: Quantity, what: str) -> Judgement:
+    """A sign: minus the margin is positive beyond its uncertainty; see :func:`positive`."""
+    other = Quantity(value=-margin.value, uncertainty=margin.uncertainty, unit=margin.unit)
+    return replace(positive(other, what), interval=Interval(None, -_LEAST))
 
 
 def vanishes(
     ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()
 ) -> Judgement:
     """Difference that should vanish: at most a stated allowance and our uncertainty."""
+    holding = Interval.around(0.0, allowed)
     rule = (
         f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip()
         + f" ({reason}) plus our uncertainty"
     )
     if abs(ours.value) <= allowed + (ours.uncertainty or 0.0):
-        return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0)
+        return Judgement(Verdict.HOLDS, rule, interval=holding)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0, holding)
 
 
 def coincides(
@@ -131,37 +148,43 @@ def coincides(
         resolution: what the paper can tell apart, in the unit of ours.
         reason: where that comes from.
     """
+    holding = Interval.around(0.0, resolution)
     rule = (
         f"the distance is nothing but our uncertainty; or at most {resolution:.3g} {ours.unit} "
         f"({reason})"
     )
     if abs(ours.value) <= (ours.uncertainty or 0.0):
-        return Judgement(Verdict.HOLDS, rule)
+        return Judgement(Verdict.HOLDS, rule, interval=holding)
     if abs(ours.value) <= resolution:
         told = _format(resolution, ours.unit, 3)
         return Judgement(
             Verdict.WITHIN_GRID,
             rule,
             f"they lie {_format(ours)} apart; up to {told} cannot be told",
+            interval=holding,
         )
-    return Judgement(Verdict.FAILS, rule, _why(f"they lie {_format(ours)} apart", causes), 1.0)
+    return Judgement(
+        Verdict.FAILS, rule, _why(f"they lie {_format(ours)} apart", causes), 1.0, holding
+    )
 
 
 def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
     """A quality: ours comes up to a stated need, for a stated reason."""
+    holding = Interval(Fraction(need), None)
     rule = f"ours is at least {need:g} {ours.unit}".rstrip() + f" ({reason})"
     if ours.value >= need:
-        return Judgement(Verdict.HOLDS, rule)
+        return Judgement(Verdict.HOLDS, rule, interval=holding)
     departure = (need - ours.value) / abs(need) if need else 1.0
     return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), departure)
 
 
 def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
     """Smallness: ours and its uncertainty do not exceed a stated need, for a stated reason."""
+    holding = Interval(None, Fraction(most))
     rule = f"ours is at most {most:g} {ours.unit}".rstrip() + f" ({reason})"
     if ours.value <= most + (ours.uncertainty or 0.0):
-        return Judgement(Verdict.HOLDS, rule)
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0)
+        return Judgement(Verdict.HOLDS, rule, interval=holding)
+    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), 1.0, holding)
 
 
 def differs(ours: Quantity, printed: str, causes: Iterable[Cause] = ()) -> Judgement:
@@ -230,6 +253,8 @@ class Evidence:
     """Results of the further studies, by name; one that failed is absent."""
     failures: Mapping[str, str] = field(default_factory=dict[str, str])
     """Why a study is absent, by name."""
+    enclosures: Enclosures | None = None
+    """Enclosures of the throws' quantities; None: none were made."""
 
     @property
     def ours(self) -> Values:
@@ -297,9 +322,19 @@ class Row:
             )
             return self.judged(None, (), missing)
         ours = Quantity(value=value, uncertainty=width, unit=self.ours.unit)
-        return self.judged(
-            ours, tuple(_by_engine(self.ours, evidence, name) for name in evidence.engines)
-        )
+        judgement = self._judgement(ours)
+        engines = tuple(_by_engine(self.ours, evidence, name) for name in evidence.engines)
+        claim = self.judged(ours, engines, judgement)
+        if evidence.enclosures is None:
+            return claim
+        known = evidence.enclosures.proof_of(self.ours, judgement.interval)
+        return claim.model_copy(update={"proved": known})
+
+    def _judgement(self, ours: Quantity | None) -> Judgement:
+        if isinstance(self.judge, Judgement):
+            return self.judge
+        assert ours is not None, f"{self.name}: a rule needs a value"
+        return self.judge(ours, str(self.printed))
 
     def judged(
         self,
@@ -308,10 +343,7 @@ class Row:
         judgement: Judgement | None = None,
     ) -> Claim:
         """The claim of our value."""
-        result = judgement or self.judge
-        if not isinstance(result, Judgement):
-            assert ours is not None, f"{self.name}: a rule needs a value"
-            result = result(ours, str(self.printed))
+        result = judgement or self._judgement(ours)
         return Claim(
             name=self.name,
             where=self.where,

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from fractions import Fraction
+
+from trebucheck.api.mechanics import Interval
 
 from ..evidence import quantities as of
 from ..evidence.claims import (
@@ -23,17 +27,19 @@ from ..evidence.verdicts import (
     ROLLING,
     Cause,
     Evidence,
+    Judgement,
     Row,
     as_printed,
     at_least,
     by_reading,
     coincides,
+    negative,
     positive,
     spread,
     undecided,
     vanishes,
 )
-from .throw import UNRESOLVED, negated, unresolved_range
+from .throw import UNRESOLVED, unresolved_range
 
 
 def rows(evidence: Evidence) -> Iterator[Row]:
@@ -105,7 +111,7 @@ def _ratios() -> Iterator[Row]:
         "U < 0",
         "potential energy at the launch",
         of.POTENTIAL_ENERGY.of(FIXED),
-        lambda q, _: positive(negated(q), "minus the potential energy"),
+        lambda q, _: negative(q, "minus the potential energy"),
         FIXED,
     )
 
@@ -196,10 +202,7 @@ def _peaks(evidence: Evidence) -> Iterator[Row]:
         "> 0",
         "largest R less R at 45 deg, beyond what the print can tell",
         of.LARGEST_RATIO.of(ROLLING) - of.ENERGY_RATIO.of(ROLLING),
-        lambda q, _: positive(
-            Quantity(value=q.value - half, uncertainty=q.uncertainty, unit=q.unit),
-            "the excess over half a unit of the last digit of R",
-        ),
+        lambda q, _: _beyond(q, half),
         ROLLING,
     )
     yield Row(
@@ -223,6 +226,13 @@ def _peaks(evidence: Evidence) -> Iterator[Row]:
         lambda q, _: at_least(q, unresolved_range(evidence.throws[ROLLING]), UNRESOLVED),
         ROLLING,
     )
+
+
+def _beyond(q: Quantity, half: float) -> Judgement:
+    """An excess over half a unit of the last digit that R is printed to."""
+    excess = Quantity(value=q.value - half, uncertainty=q.uncertainty, unit=q.unit)
+    judged = positive(excess, "the excess over half a unit of the last digit of R")
+    return replace(judged, interval=Interval(Fraction(half), None))
 
 
 def _error(name: str) -> Row:

@@ -25,7 +25,6 @@ from ..evidence.claims import (
     SLING_ANGLE,
     SLING_RADIANS,
     TIME_STEP,
-    Quantity,
 )
 from ..evidence.throws import MachineThrow
 from ..evidence.verdicts import (
@@ -38,6 +37,7 @@ from ..evidence.verdicts import (
     as_printed,
     at_least,
     coincides,
+    negative,
     positive,
     vanishes,
 )
@@ -198,15 +198,10 @@ def _signs(name: str) -> Iterator[Row]:
         "< 0",
         "sling's multiplier at the start, in the paper's sign",
         of.start_torque(SLING_REST).of(name).times(-1),
-        lambda q, _: positive(negated(q), "minus the multiplier"),
+        lambda q, _: negative(q, "minus the multiplier"),
         name,
         fact=fact,
     )
-
-
-def negated(q: Quantity) -> Quantity:
-    """Minus a quantity."""
-    return Quantity(value=-q.value, uncertainty=q.uncertainty, unit=q.unit)
 
 
 def _rigid(name: str) -> Row:

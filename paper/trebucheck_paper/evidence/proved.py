@@ -1,0 +1,385 @@
+"""Enclosures of a throw's quantities, from a proof of its motion, and verdicts that they prove.
+
+A quantity at an event or at an instant is read from the proof. One at a maximum (the longest range,
+the largest speed, the counterweight's turning point) is read at the times that the sign of a rate
+leaves: it is positive before them and negative after, proved on intervals that cover the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
+from typing import Any
+
+from trebucheck.api.mechanics import (
+    ARM_STOP,
+    BEYOND_LAUNCH,
+    COUNTERWEIGHT,
+    HANGER_REST,
+    PROJECTILE,
+    SLING_REST,
+    Ball,
+    Enclosure,
+    Interval,
+    Mechanism,
+    Phase,
+    Problem,
+    Proof,
+    Standing,
+    StopLaw,
+    TrebucheckError,
+    acb,
+    arb,
+    as_coordinates,
+    between,
+    kinetic_energy,
+    potential_energy,
+    precision,
+    prove,
+    squared,
+)
+
+from . import quantities as of
+from .claims import Proved
+from .quantities import Formula, ThrowQuantity
+
+_DIGITS = 12
+_BEYOND = 0.05  # [s] behind the last instant that is read
+_PARTS = 64  # of a search, before those without a sign are halved
+_HALVINGS = 24  # then: 0.2 s are left to 2e-10 s
+_MOST = 400  # intervals without a sign, beyond which there is no single maximum
+_FACTOR = 2.0**-50  # relative: rounding of factors and shifts of formulas, which are doubles
+
+Balls = Mapping[tuple[str, ThrowQuantity], Ball]
+"""Enclosures by machine and quantity."""
+_Read = Iterator[tuple[ThrowQuantity, Ball]]
+_Rate = Callable[[Ball], Ball]
+
+
+class Enclosures:
+    """Enclosures of the quantities of throws, by machine.
+
+    Args:
+        machines: by name.
+        launches: their launch times, about which the best release is looked for [s].
+        blows: times by which an acting arm stop is met [s].
+    """
+
+    def __init__(
+        self,
+        machines: Mapping[str, Mechanism],
+        launches: Mapping[str, float],
+        blows: Mapping[str, float],
+    ) -> None:
+        self.balls: dict[tuple[str, ThrowQuantity], Ball] = {}
+        self.failures: dict[str, str] = {}
+        for name, mechanism in machines.items():
+            for law, end in (
+                (StopLaw.RELEASE_ONCE, launches[name] + BEYOND_LAUNCH + _BEYOND),
+                (StopLaw.UNILATERAL, blows[name] + _BEYOND),
+            ):
+                problem = Problem(mechanism, duration=end, stop_law=law)
+                try:
+                    proof = prove(problem, _DIGITS)
+                except TrebucheckError as error:
+                    self.failures[name] = str(error).rstrip(".")
+                    continue
+                with precision(proof.bits):
+                    reader = _Reader(proof)
+                    found = reader.read() if law is StopLaw.RELEASE_ONCE else reader.read_acting()
+                    for quantity, ball in found:
+                        self.balls[name, quantity.under(law)] = ball
+            blow = self.balls.get((name, of.FIRST_BLOW))
+            if blow is not None:
+                # Up to the blow the arm's stop is open, and both laws have one motion.
+                self.balls[name, of.ARM_DELAY] = blow - self.balls[name, of.LAUNCH_TIME]
+
+    def proof_of(self, formula: Formula, interval: Interval | None) -> Proved:
+        """What is proved of a claim on a formula, which holds for the values of an interval.
+
+        The formula's own factors are doubles: its enclosure is widened by their rounding.
+        """
+        with precision(200):
+            try:
+                ball: Any = formula.value(self.balls)  # pyright: ignore[reportArgumentType]
+            except KeyError as error:
+                machine, quantity = error.args[0]
+                why = self.failures.get(machine, f"{quantity} of {machine!r} is not enclosed")
+                return Proved(why=why)
+            widened = ball + arb(0, (ball.abs_upper() * _FACTOR).upper())
+            known = Enclosure.of(arb(widened))
+        if interval is None:
+            return proved(known, None, "the claim's rule is no interval of values")
+        return proved(known, interval)
+
+
+def proved(known: Enclosure, interval: Interval | None, why: str = "") -> Proved:
+    """What an enclosure proves of a claim that holds for the values of an interval."""
+    value, radius = str(known.value), str(known.radius)
+    if interval is None:
+        return Proved(value=value, radius=radius, why=why)
+    standing = interval.standing(known)
+    if standing is Standing.OPEN:
+        why = "the enclosure lies across the end of what holds"
+        return Proved(value=value, radius=radius, why=why)
+    if standing is Standing.INSIDE:
+        return Proved(holds=True, value=value, radius=radius)
+    off = float(interval.distance(known))
+    return Proved(holds=False, value=value, radius=radius, off=off)
+
+
+class _Reader:
+    """Reads quantities from a proof, in the context's precision."""
+
+    def __init__(self, proof: Proof) -> None:
+        self.proof, self.motion = proof, proof.motion
+        self.mechanism, self.kinematics = proof.problem.mechanism, proof.motion.kinematics
+        launch = proof.motion.launch
+        assert launch is not None, "a machine that does not launch is refused before"
+        self.launch = launch
+        self.at_launch = launch.q, launch.u
+
+    def read(self) -> _Read:
+        """Read all that there are; what is not decided is left out."""
+        for name in (HANGER_REST, SLING_REST):
+            for event in self.motion.events:
+                if event.kind == "release" and event.name == name:
+                    yield of.release_time(name), event.time
+                    break
+            torque = self.motion.forces(self.motion.phases[0], self._at(arb(0))).torques.get(name)
+            yield of.start_torque(name), arb(0) if torque is None else torque
+        yield of.TOTAL_ENERGY, self._energy
+        yield of.ENERGY_RATIO, self._ratio(self.at_launch)
+        yield from self._thrown()
+        yield from self._of_the_launch()
+        for part in (self._of_the_counterweight, self._of_the_best_release, self._of_the_fastest):
+            yield from part()
+
+    def _of_the_launch(self) -> _Read:
+        counterweight = self._point(COUNTERWEIGHT, self.at_launch)[1]
+        mass = next(
+            self.mechanism.body(each.body).mass
+            for each in self.mechanism.markers
+            if each.name == COUNTERWEIGHT
+        )
+        square = squared(counterweight.real) + squared(counterweight.imag)
+        yield of.COUNTERWEIGHT_ENERGY, mass * square / 2
+        q = as_coordinates(self.at_launch[0])
+        yield of.POTENTIAL_ENERGY, potential_energy(self.kinematics, q)
+        if self.mechanism.slides:
+            yield of.PIVOT_SPEED, self.at_launch[1][-1]
+
+    def read_acting(self) -> _Read:
+        """Read what the paper says of a motion whose arm stop acts."""
+        yield from self._thrown()
+        for event in self.motion.events:
+            if event.kind == "impact" and event.name == ARM_STOP:
+                yield of.FIRST_BLOW, event.time
+                break
+
+    def _thrown(self) -> _Read:
+        yield of.LAUNCH_TIME, self.launch.time
+        yield of.LAUNCH_SPEED, self._speed(self.at_launch)
+        yield of.RANGE, self._range(self.at_launch)
+
+    def _of_the_counterweight(self) -> _Read:
+        """Its rightmost point before the launch."""
+
+        def rate(t: Ball) -> Ball:
+            return self._point(COUNTERWEIGHT, self._at(t))[1].real
+
+        end = self.launch.time.lower()
+        low = (end / _PARTS).mid()
+        turn = _falls(rate, low, end)
+        if turn is None:
+            return
+        x = self._point(COUNTERWEIGHT, self._at(turn))[0].real
+        at_first = self._point(COUNTERWEIGHT, self._at(between(arb(0), low)))[0].real
+        if not at_first < x:
+            return
+        first, last = (
+            self._point(COUNTERWEIGHT, state)[0] for state in (self._at(arb(0)), self.at_launch)
+        )
+        yield of.RIGHTMOST, x
+        yield of.SLANT, (x - first.real) / (first.imag - last.imag)
+
+    def _of_the_best_release(self) -> _Read:
+        """The longest flight without air: its rate is the range's by the time of the release."""
+        g = self.mechanism.gravity
+
+        def rate(t: Ball) -> Ball:
+            position, velocity, acceleration = self._accelerated(t)
+            fall = (squared(velocity.imag) + 2 * g * position.imag).sqrt()
+            # fall^2 = vy^2 + 2 g y; T = (vy + fall) / g; R = x + vx T.
+            time = (velocity.imag + fall) / g
+            d_fall = (velocity.imag * acceleration.imag + g * velocity.imag) / fall
+            d_time = (acceleration.imag + d_fall) / g
+            return velocity.real + acceleration.real * time + velocity.real * d_time
+
+        best = _falls(rate, *self._about_the_launch())
+        if best is None:
+            return
+        state = self._at(best)
+        velocity = self._point(PROJECTILE, state)[1]
+        angle = acb(velocity).arg()
+        yield of.BEST_TIME, best
+        yield of.BEST_ANGLE, angle
+        yield of.BEST_SPEED, self._speed(state)
+        longest = self._range(state)
+        yield of.BEST_RANGE, longest
+        yield of.RANGE_GAIN, longest - self._range(self.at_launch)
+        phi = state[0][self.mechanism.coordinates.index("phi")]
+        yield of.BEST_PHI, phi
+        # Absolute angles are positive clockwise: the sling points along (cos phi, -sin phi).
+        turned = acb(velocity) * (acb(0, 1) * phi).exp()
+        yield of.TO_SLING, abs(turned.arg())
+
+    def _of_the_fastest(self) -> _Read:
+        def rate(t: Ball) -> Ball:
+            _, velocity, acceleration = self._accelerated(t)
+            return velocity.real * acceleration.real + velocity.imag * acceleration.imag
+
+        fastest = _falls(rate, *self._about_the_launch())
+        if fastest is None:
+            return
+        state = self._at(fastest)
+        yield of.FASTEST_TIME, fastest
+        yield of.LARGEST_RATIO, self._ratio(state)
+        yield of.FASTEST_ANGLE, acb(self._point(PROJECTILE, state)[1]).arg()
+
+    def _about_the_launch(self) -> tuple[Ball, Ball]:
+        return self.launch.time.lower() - BEYOND_LAUNCH, self.launch.time.upper() + BEYOND_LAUNCH
+
+    # --- states and what they have
+
+    def _at(self, t: Ball) -> Any:
+        """The least box around the states at the times of a ball [s], of all phases that it meets.
+
+        Raises:
+            ValueError: the ball lies beyond the end of the proof.
+        """
+        found: list[Any] = []
+        phases = self.motion.phases
+        for k, phase in enumerate(phases):
+            last = k + 1 == len(phases)
+            if t < phase.start or (not last and t > phases[k + 1].start):
+                continue
+            if last and not t < _end(phase):
+                raise ValueError("beyond the proof")
+            found.append(phase.at(t))
+        (q, u), *others = found
+        for more_q, more_u in others:
+            q = [a.union(b) for a, b in zip(q, more_q, strict=True)]
+            u = [a.union(b) for a, b in zip(u, more_u, strict=True)]
+        return q, u
+
+    def _phase_at(self, t: Ball) -> tuple[Phase, Any]:
+        """The phase at the times of a ball [s], and its states.
+
+        A launch changes nothing, so that the steps before it hold for what follows at once.
+
+        Raises:
+            ValueError: the ball lies across another event, or beyond the end of the proof.
+        """
+        phases = self.motion.phases
+        for k, phase in enumerate(phases):
+            following = phases[k + 1] if k + 1 < len(phases) else None
+            goes_on = following is None or t < following.start or following.closed == phase.closed
+            if (k == 0 or t > phase.start) and goes_on and t < _end(phase):
+                return phase, phase.at(t)
+        raise ValueError("across an event")
+
+    def _point(self, name: str, state: Any) -> tuple[Any, Any]:
+        """Position [m] and velocity [m/s] of a marker, x + i y."""
+        marker = self.mechanism.marker(name)
+        assert marker is not None
+        q, u = map(as_coordinates, state)
+        row = self.kinematics.point(marker.body, marker.point)
+        return self.kinematics.vector(row, q), self.kinematics.rate(row, q, u)
+
+    def _accelerated(self, t: Ball) -> tuple[Any, Any, Any]:
+        """Position, velocity and acceleration of the projectile, x + i y."""
+        phase, state = self._phase_at(t)
+        position, velocity = self._point(PROJECTILE, state)
+        marker = self.mechanism.marker(PROJECTILE)
+        assert marker is not None
+        q, u = map(as_coordinates, state)
+        second = self.kinematics.second_flow(q, u, self.motion.forces(phase, state).accelerations)
+        row = self.kinematics.point(marker.body, marker.point)
+        acceleration: Any = sum(
+            (a * c for a, c in zip(second, row.coefficients, strict=True)), acb(0)
+        )
+        return position, velocity, acceleration
+
+    def _speed(self, state: Any) -> Ball:
+        velocity = self._point(PROJECTILE, state)[1]
+        return (squared(velocity.real) + squared(velocity.imag)).sqrt()
+
+    def _range(self, state: Any) -> Ball:
+        """Range without drag of what is let go [m]; the flight is a parabola."""
+        position, velocity = self._point(PROJECTILE, state)
+        g = self.mechanism.gravity
+        fall = (squared(velocity.imag) + 2 * g * position.imag).sqrt()
+        return position.real + velocity.real * (velocity.imag + fall) / g
+
+    @property
+    def _energy(self) -> Ball:
+        """Total energy at the start [J]."""
+        q, u = map(as_coordinates, self._at(arb(0)))
+        return kinetic_energy(self.kinematics, q, u) + potential_energy(self.kinematics, q)
+
+    def _ratio(self, state: Any) -> Ball:
+        """The paper's R."""
+        marker = self.mechanism.marker(PROJECTILE)
+        assert marker is not None
+        mass = self.mechanism.thrown_mass(marker)
+        assert mass is not None
+        velocity = self._point(PROJECTILE, state)[1]
+        square = squared(velocity.real) + squared(velocity.imag)
+        return mass * square / 2 / self._energy
+
+
+def _end(phase: Phase) -> Ball:
+    """End of a phase's last step [s]."""
+    last = phase.steps[-1].end
+    return phase.start + arb(last.numerator) / last.denominator
+
+
+def _falls(rate: _Rate, low: Ball, high: Ball) -> Ball | None:
+    """Enclose the times at which a function is largest over an interval, by its rate.
+
+    The rate is proved positive on all of the interval before them, and negative after.
+    """
+    ends = [low + (high - low) * k / _PARTS for k in range(_PARTS + 1)]
+    pieces = [(a.mid(), b.mid()) for a, b in pairwise(ends)]
+    signs: list[tuple[Ball, Ball, int]] = []
+    for _ in range(_HALVINGS):
+        undecided: list[tuple[Ball, Ball]] = []
+        for a, b in pieces:
+            sign = _sign(rate, between(a, b))
+            if sign:
+                signs.append((a, b, sign))
+            else:
+                middle = ((a + b) / 2).mid()
+                undecided += [(a, middle), (middle, b)]
+        pieces = undecided
+        if len(pieces) > _MOST:
+            return None
+    if not pieces:
+        return None
+    first, last = min(float(a) for a, _ in pieces), max(float(b) for _, b in pieces)
+    if any(sign != (1 if float(b) <= last and float(a) < first else -1) for a, b, sign in signs):
+        return None
+    lowest = min((a for a, _ in pieces), key=float)
+    highest = max((b for _, b in pieces), key=float)
+    return between(lowest, highest)
+
+
+def _sign(rate: _Rate, t: Ball) -> int:
+    try:
+        value = rate(t)
+    except ValueError:
+        return 0
+    if value > 0:
+        return 1
+    return -1 if value < 0 else 0
