@@ -67,7 +67,7 @@ from ..reference.proof.balls import Ball, acb, arb, between, precision, squared
 from ..reference.proof.mechanics import kinetic_energy, potential_energy
 from ..reference.proof.motion import Phase
 from ..reference.proof.numbers import as_coordinates
-from ..reference.proof.printed import Interval, Standing
+from ..reference.proof.printed import ClosedInterval, Standing
 from ..reference.proof.proof import Enclosure, Proof
 from ..reference.solution import Solution
 from ..reference.solver import characteristic_time, solve, solve_to_launch

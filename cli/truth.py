@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -18,10 +18,12 @@ from .call import Call, command
 from .options import argument, folder, option
 
 if TYPE_CHECKING:
+    from ..comparisons.published import PublishedFigure
     from ..comparisons.report.document import Document
     from ..models.library.benchmark import Benchmark, BenchmarkParameters
     from ..models.mechanism import Mechanism
     from ..models.problem import Problem
+    from ..reference.proof.proof import Proof
 
 
 @command(
@@ -123,7 +125,8 @@ def prove_command(call: Call) -> bool:
     where an inequality stays undecided or a limit is reached, and says which.
 
     With --start-bits all motions from starts that agree to so many bits are enclosed, and it is
-    told until when each number of digits is known; NAME-24-bits.json has it.
+    told until when each number of digits is known; NAME-24-bits.json has it. A problem of the
+    library shows its source's figures beside what is proved.
 
     Examples:
     trebucheck prove fixed --digits 20
@@ -154,8 +157,18 @@ def prove_command(call: Call) -> bool:
         )
     found = ProofFile.of(proof).made_by(call.command_line)
     data, page = f"{found.model}.json", f"{found.model}.html"
-    call.publish(data, found.to_json(), proof_report(found), page, "Page")
+    beside = () if call.set else _beside(call.model, proof)
+    call.publish(data, found.to_json(), proof_report(found, beside), page, "Page")
     return True
+
+
+def _beside(name: str, proof: Proof) -> Sequence[PublishedFigure]:
+    """Figures of a library problem's source beside its proof; of other models none."""
+    from ..comparisons.published import figures_beside
+    from ..models.library.registry import benchmarks
+
+    entry = next((each for each in benchmarks() if each.name == name), None)
+    return () if entry is None else figures_beside(entry, proof)
 
 
 def _horizon(call: Call, model: Mechanism | Problem) -> bool:

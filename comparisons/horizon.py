@@ -63,7 +63,7 @@ class Growth(Spec):
 
 
 class Horizon(Reported, ResultFile):
-    """What a start of so many bits determines, and until when."""
+    """Digits that a start of so many bits determines, and until when."""
 
     format: Literal["trebucheck-horizon-1"] = FORMAT
     model: str
@@ -219,7 +219,7 @@ def _known(times: FloatArray, radii: FloatArray, apart: Parting | None) -> Seque
 
 
 def _growth(times: FloatArray, radii: FloatArray) -> tuple[Growth, ...]:
-    """As many of the points as a picture needs."""
+    """Points of a curve, no more than a picture needs."""
     if not len(times):
         return ()
     chosen = np.unique(np.linspace(0, len(times) - 1, _POINTS).astype(int))

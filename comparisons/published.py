@@ -8,13 +8,13 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..models.errors import TrebucheckError
+from ..models.errors import InputError, TrebucheckError
 from ..models.library.benchmark import At, Benchmark, ImpactTime, KnownValue, Passage, Period, Sum
 from ..models.spec import Real, Spec
 from ..reference.proof.balls import Ball, precision
 from ..reference.proof.events import UndecidedZeroError
 from ..reference.proof.passages import passages
-from ..reference.proof.printed import Interval, Standing
+from ..reference.proof.printed import ClosedInterval, Standing
 from ..reference.proof.proof import Enclosure, Proof
 from .prove import prove
 from .runs.results import ResultFile
@@ -46,6 +46,17 @@ class PublishedFigure(Spec):
     why: str = Field(default="", description="why it is not proved")
 
     @property
+    def verdict(self) -> str:
+        """Where the proved number lies, or why there is none."""
+        if self.standing is None:
+            return self.why
+        if self.standing is Standing.INSIDE:
+            return f"inside, {self.more_digits} digits more"
+        if self.standing is Standing.OUTSIDE:
+            return f"outside, off by {self.off} {self.unit}"
+        return "not decided: across the end of what is expected"
+
+    @property
     def more_digits(self) -> int:
         """Digits that are proved beyond those that are expected."""
         if self.radius is None or not float(self.radius):
@@ -72,21 +83,26 @@ def published_figures(
         timeout: limit of processor time for each [s].
     """
     for benchmark in benchmarks:
-        figures = benchmark.parameters().figures()
-        proof, why = None, ""
         try:
-            proof = prove(benchmark.name, digits, timeout=timeout)
+            yield from figures_beside(benchmark, prove(benchmark.name, digits, timeout=timeout))
         except TrebucheckError as error:
             why = str(error).rstrip(".")
-        for figure in figures:
-            if not figure.value:
-                continue  # a difference along the motion, which is no number of it
-            if not _is_read(figure):
-                yield _beside(benchmark, figure, None, _NOT_READ)
-            elif proof is None:
-                yield _beside(benchmark, figure, None, why)
-            else:
-                yield _beside(benchmark, figure, *_enclosed(proof, figure))
+            for figure in _numbers(benchmark):
+                yield _beside(benchmark, figure, None, why if _is_read(figure) else _NOT_READ)
+
+
+def figures_beside(benchmark: Benchmark, proof: Proof) -> list[PublishedFigure]:
+    """Hold the figures of a benchmark, with its published parameters, against a proof of it."""
+    found: list[PublishedFigure] = []
+    for figure in _numbers(benchmark):
+        known, why = _enclosed(proof, figure) if _is_read(figure) else (None, _NOT_READ)
+        found.append(_beside(benchmark, figure, known, why))
+    return found
+
+
+def _numbers(benchmark: Benchmark) -> list[KnownValue]:
+    """Figures that are numbers of the motion; a difference along it is expected to be zero."""
+    return [each for each in benchmark.parameters().figures() if each.value]
 
 
 def _is_read(figure: KnownValue) -> bool:
@@ -110,8 +126,8 @@ def _enclosed(proof: Proof, figure: KnownValue) -> tuple[Enclosure | None, str]:
             times = [_passage(proof, each) for each in wanted if isinstance(each, Passage)]
         except UndecidedZeroError as error:
             return None, f"not proved: whether {error.inequality} at a passage"
-        except IndexError:
-            return None, "not proved: it does not come so often in the proved motion"
+        except (IndexError, InputError):
+            return None, "not proved: it does not come in the proved motion"
         return Enclosure.of(times[-1] - times[0] if len(times) > 1 else times[0]), ""
 
 
@@ -134,9 +150,9 @@ def _beside(
     benchmark: Benchmark, figure: KnownValue, known: Enclosure | None, why: str
 ) -> PublishedFigure:
     expected = figure.printed or repr(figure.value)
-    interval = Interval.around(figure.value, figure.tolerance)
+    interval = ClosedInterval.around(figure.value, figure.tolerance)
     if figure.printed:
-        interval = Interval.rounding_to(expected)
+        interval = ClosedInterval.rounding_to(expected)
     assert interval.low is not None
     assert interval.high is not None
     standing = None if known is None else interval.standing(known)

@@ -70,7 +70,6 @@ from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.mjcf.scene import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.spec import schema_text
-from trebucheck.reference.proof.printed import Standing
 from trebucheck.reference.solver import solve
 from typer.cli import get_docs_for_click
 
@@ -333,14 +332,7 @@ def write_published() -> None:
 
 def published_row(each: PublishedFigure) -> tuple[str, ...]:
     """A figure of a source, what is proved of it, and where that lies."""
-    if each.standing is None:
-        verdict = each.why
-    elif each.standing is Standing.INSIDE:
-        verdict = f"inside, {each.more_digits} digits more"
-    elif each.standing is Standing.OUTSIDE:
-        verdict = f"**outside**, off by {each.off} {each.unit}"
-    else:
-        verdict = "not decided: across the end of what is expected"
+    verdict = each.verdict.replace("outside", "**outside**", 1)
     proved = "" if each.value is None else _shortened(each.value, each.radius or "0")
     expected = f"{each.expected} ± {each.half:.1g}"
     return each.problem, each.figure, each.unit, each.basis, expected, proved, verdict

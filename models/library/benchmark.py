@@ -211,7 +211,7 @@ class Sum:
     """A sum of coordinates [rad or m] with factors, or of their rates [per s]."""
 
     factors: Mapping[str, float]
-    """By coordinate."""
+    """Factors by coordinate."""
     of_rates: bool = False
 
     def __call__(self, trajectory: Trajectory) -> FloatArray:

@@ -38,7 +38,7 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Spread:
+class StartSpread:
     """Bounds of how far motions from a box of starts are from one of them."""
 
     times: FloatArray
@@ -77,7 +77,7 @@ def spread(
     widest: float,
     limits: Limits,
     progress: Progress | None = None,
-) -> Spread:
+) -> StartSpread:
     """Enclose all motions from starts that are known to so many bits.
 
     Args:
@@ -112,7 +112,7 @@ def spread(
             last = launch.time
         bounds = _bounds(motion.phases, last.lower(), sizes)
     times, radii = (np.array([bound[i] for bound in bounds]) for i in (0, 1))
-    return Spread(times, radii, ended)
+    return StartSpread(times, radii, ended)
 
 
 def _bounds(phases: Sequence[Phase], last: Ball, sizes: FloatArray) -> list[tuple[float, float]]:

@@ -24,14 +24,14 @@ class Standing(StrEnum):
     OPEN = "across its end"
 
 
-class Interval(NamedTuple):
+class ClosedInterval(NamedTuple):
     """Values for which a statement holds, ends included; None: it has no end there."""
 
     low: Fraction | None
     high: Fraction | None
 
     @classmethod
-    def rounding_to(cls, digits: str) -> Interval:
+    def rounding_to(cls, digits: str) -> ClosedInterval:
         """Numbers that round to a printed one, such as '99.4' or '1.5e-3'.
 
         Raises:
@@ -50,7 +50,7 @@ class Interval(NamedTuple):
         return cls(Fraction(number) - half, Fraction(number) + half)
 
     @classmethod
-    def around(cls, value: float, tolerance: float) -> Interval:
+    def around(cls, value: float, tolerance: float) -> ClosedInterval:
         """Numbers within a tolerance of a value."""
         return cls(Fraction(value) - Fraction(tolerance), Fraction(value) + Fraction(tolerance))
 

@@ -180,6 +180,7 @@ ONE_IMPORTER = {
     "conformance.certificate": "the page of a conformance run; its command imports it",
     "conformance.skeleton": "files of a new plug-in; its command imports it",
     "reference.motion": "tb.solve, and the sensitivities",
+    "reference.sensitivity.sensitivities": "tb.sensitivities, and the horizons",
     "reference.kernel": "arithmetic that Numba compiles, apart from when it does",
     "reference.certification.paper": "figures of the paper's machines alone",
     "renamed": "names of earlier releases; the front door imports it",

@@ -17,7 +17,7 @@ from trebucheck.models.library.benchmark import swing_period
 from trebucheck.models.library.registry import benchmark, benchmarks
 from trebucheck.reference.proof.balls import precision
 from trebucheck.reference.proof.passages import passages
-from trebucheck.reference.proof.printed import Interval, Standing
+from trebucheck.reference.proof.printed import ClosedInterval, Standing
 from trebucheck.reference.proof.proof import Enclosure
 
 PUBLISHED = Path(__file__).parents[2] / "docs" / "published.json"
@@ -28,7 +28,7 @@ def test_a_printed_number_stands_for_what_rounds_to_it(
     mantissa: int, places: int, units: Fraction
 ) -> None:
     printed = Decimal(mantissa).scaleb(-places)
-    interval = Interval.rounding_to(f"{printed:f}")
+    interval = ClosedInterval.rounding_to(f"{printed:f}")
     value = Decimal(units.numerator) / Decimal(units.denominator)
     moved = Enclosure(printed + value.scaleb(-places), Decimal(0))
     if abs(abs(units) - Fraction(1, 2)) > Fraction(1, 10**6):  # a decimal may round the fraction
@@ -37,7 +37,7 @@ def test_a_printed_number_stands_for_what_rounds_to_it(
 
 
 def test_an_enclosure_across_an_end_decides_nothing() -> None:
-    interval = Interval.rounding_to("99.4")
+    interval = ClosedInterval.rounding_to("99.4")
     assert interval == (Fraction("99.35"), Fraction("99.45"))
     across = Enclosure(Decimal("99.45"), Decimal("1e-9"))
     assert interval.standing(across) is Standing.OPEN
@@ -45,12 +45,12 @@ def test_an_enclosure_across_an_end_decides_nothing() -> None:
     outside = Enclosure(Decimal("99.6"), Decimal("0.1"))
     assert interval.standing(outside) is Standing.OUTSIDE
     assert interval.distance(outside) == Fraction("0.1")
-    positive = Interval(Fraction(0), None)
+    positive = ClosedInterval(Fraction(0), None)
     assert positive.standing(outside) is Standing.INSIDE
     assert positive.distance(Enclosure(Decimal(-2), Decimal(1))) == 1
     for text in ("x", "nan", ""):
         with pytest.raises(tb.InputError, match="printed"):
-            Interval.rounding_to(text)
+            ClosedInterval.rounding_to(text)
 
 
 def test_passages_of_a_pendulum_are_those_of_its_closed_form() -> None:
@@ -72,7 +72,7 @@ def test_passages_of_a_pendulum_are_those_of_its_closed_form() -> None:
 def _wrong(digits: str) -> Iterator[Standing | None]:
     entry = benchmark("incline")
     for figure in published_figures([entry], digits=12):
-        interval = Interval.rounding_to(digits)
+        interval = ClosedInterval.rounding_to(digits)
         yield interval.standing(Enclosure(Decimal(figure.value or "nan"), Decimal(0)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from ....models.arrays import FloatArray
 from ....models.trajectory import Trajectory
 from ....reference.certification.certificate import Certificate
 from ...prove import ProofFile
+from ...published import PublishedFigure
 from ...runs.balance import sampled_balance
 from ...runs.runner import Farthest, horizon_of
 from .. import document as doc
@@ -94,8 +95,8 @@ def certificate_report(certificate: Certificate) -> doc.Document:
     return doc.Document(title, blocks, window, certificate.command)
 
 
-def proof_report(proof: ProofFile) -> doc.Document:
-    """Figures of a proved motion."""
+def proof_report(proof: ProofFile, beside: Sequence[PublishedFigure] = ()) -> doc.Document:
+    """Figures of a proved motion, and those of its source beside the proof."""
     rows = [(figure.name, figure.value, figure.radius, figure.unit) for figure in proof.figures]
     heads = doc.ranked(doc.columns("figure | value | radius | unit"), value=0, radius=0, unit=0)
     end = "the launch" if proof.until is None else f"{proof.until:.6g} s"
@@ -106,7 +107,14 @@ def proof_report(proof: ProofFile) -> doc.Document:
         "with the doubles of the mechanism's file taken exactly; that these are the mechanism's "
         "equations is shown by independent formulations."
     )
-    blocks = (doc.table(heads, rows, caption), doc.Note(cost))
+    blocks: tuple[doc.Block, ...] = (doc.table(heads, rows, caption), doc.Note(cost))
+    if beside:
+        sources = [
+            (each.figure, each.unit, each.expected, each.value or "", each.verdict)
+            for each in beside
+        ]
+        titles = ("figure of the source", "unit", "expected", "proved", "verdict")
+        blocks = (*blocks, doc.table(titles, sources))
     title = f"{proof.model}: {len(rows)} figures proved to {proof.digits} digits"
     mechanism = doc.Note(f"Mechanism {proof.mechanism_hash}, stops {proof.stop_law.value}.")
     window = f"trebucheck prove: {proof.model}"

@@ -19,8 +19,8 @@ from trebucheck.api.mechanics import (
     PROJECTILE,
     SLING_REST,
     Ball,
+    ClosedInterval,
     Enclosure,
-    Interval,
     Mechanism,
     Phase,
     Problem,
@@ -94,7 +94,7 @@ class Enclosures:
                 # Up to the blow the arm's stop is open, and both laws have one motion.
                 self.balls[name, of.ARM_DELAY] = blow - self.balls[name, of.LAUNCH_TIME]
 
-    def proof_of(self, formula: Formula, interval: Interval | None) -> Proved:
+    def proof_of(self, formula: Formula, interval: ClosedInterval | None) -> Proved:
         """What is proved of a claim on a formula, which holds for the values of an interval.
 
         The formula's own factors are doubles: its enclosure is widened by their rounding.
@@ -113,7 +113,7 @@ class Enclosures:
         return proved(known, interval)
 
 
-def proved(known: Enclosure, interval: Interval | None, why: str = "") -> Proved:
+def proved(known: Enclosure, interval: ClosedInterval | None, why: str = "") -> Proved:
     """What an enclosure proves of a claim that holds for the values of an interval."""
     value, radius = str(known.value), str(known.radius)
     if interval is None:

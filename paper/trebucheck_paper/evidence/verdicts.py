@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from trebucheck.api.mechanics import Interval, TrebuchetParameters
+from trebucheck.api.mechanics import ClosedInterval, TrebuchetParameters
 
 from .claims import Claim, EngineValue, Printed, Quantity, Verdict, parse
 from .proved import Enclosures
@@ -29,7 +29,7 @@ class Judgement:
     why: str = ""
     departure: float | None = None
     """Distance of ours from the claim, relative to the claim; 1 where a claimed fact is absent."""
-    interval: Interval | None = None
+    interval: ClosedInterval | None = None
     """Values for which the claim holds as printed; None: the rule is of another kind."""
 
 
@@ -67,7 +67,7 @@ def as_printed(
     ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()
 ) -> Judgement:
     """A printed number: holds to its digits, or within the paper's own grid, or not."""
-    holding = Interval.rounding_to(parse(printed).digits)
+    holding = ClosedInterval.rounding_to(parse(printed).digits)
     number = parse(printed)
     allowed = number.half + (ours.uncertainty or 0.0)
     error = abs(ours.value - number.value)
@@ -109,7 +109,7 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
     Args:
         what: the margin in words, for the rule and the sentence.
     """
-    holding = Interval(_LEAST, None)
+    holding = ClosedInterval(_LEAST, None)
     rule = f"{what} is positive, by more than its uncertainty"
     if margin.value > (margin.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule, interval=holding)
@@ -121,14 +121,14 @@ def positive(margin: Quantity, what: str, causes: Iterable[Cause] = ()) -> Judge
 def negative(margin: Quantity, what: str) -> Judgement:
     """A sign: minus the margin is positive beyond its uncertainty; see :func:`positive`."""
     other = Quantity(value=-margin.value, uncertainty=margin.uncertainty, unit=margin.unit)
-    return replace(positive(other, what), interval=Interval(None, -_LEAST))
+    return replace(positive(other, what), interval=ClosedInterval(None, -_LEAST))
 
 
 def vanishes(
     ours: Quantity, allowed: float, reason: str, causes: Iterable[Cause] = ()
 ) -> Judgement:
     """Difference that should vanish: at most a stated allowance and our uncertainty."""
-    holding = Interval.around(0.0, allowed)
+    holding = ClosedInterval.around(0.0, allowed)
     rule = (
         f"|ours| is at most {allowed:.3g} {ours.unit}".rstrip()
         + f" ({reason}) plus our uncertainty"
@@ -148,7 +148,7 @@ def coincides(
         resolution: what the paper can tell apart, in the unit of ours.
         reason: where that comes from.
     """
-    holding = Interval.around(0.0, resolution)
+    holding = ClosedInterval.around(0.0, 0.0)  # as it is printed; the grid is another matter
     rule = (
         f"the distance is nothing but our uncertainty; or at most {resolution:.3g} {ours.unit} "
         f"({reason})"
@@ -170,17 +170,19 @@ def coincides(
 
 def at_least(ours: Quantity, need: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
     """A quality: ours comes up to a stated need, for a stated reason."""
-    holding = Interval(Fraction(need), None)
+    holding = ClosedInterval(Fraction(need), None)
     rule = f"ours is at least {need:g} {ours.unit}".rstrip() + f" ({reason})"
     if ours.value >= need:
         return Judgement(Verdict.HOLDS, rule, interval=holding)
     departure = (need - ours.value) / abs(need) if need else 1.0
-    return Judgement(Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), departure)
+    return Judgement(
+        Verdict.FAILS, rule, _why(f"ours is {_format(ours)}", causes), departure, holding
+    )
 
 
 def at_most(ours: Quantity, most: float, reason: str, causes: Iterable[Cause] = ()) -> Judgement:
     """Smallness: ours and its uncertainty do not exceed a stated need, for a stated reason."""
-    holding = Interval(None, Fraction(most))
+    holding = ClosedInterval(None, Fraction(most))
     rule = f"ours is at most {most:g} {ours.unit}".rstrip() + f" ({reason})"
     if ours.value <= most + (ours.uncertainty or 0.0):
         return Judgement(Verdict.HOLDS, rule, interval=holding)

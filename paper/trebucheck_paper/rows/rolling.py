@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 
-from trebucheck.api.mechanics import Interval
+from trebucheck.api.mechanics import ClosedInterval
 
 from ..evidence import quantities as of
 from ..evidence.claims import (
@@ -232,7 +232,7 @@ def _beyond(q: Quantity, half: float) -> Judgement:
     """An excess over half a unit of the last digit that R is printed to."""
     excess = Quantity(value=q.value - half, uncertainty=q.uncertainty, unit=q.unit)
     judged = positive(excess, "the excess over half a unit of the last digit of R")
-    return replace(judged, interval=Interval(Fraction(half), None))
+    return replace(judged, interval=ClosedInterval(Fraction(half), None))
 
 
 def _error(name: str) -> Row:
