@@ -37,7 +37,7 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 67300,
+    "lines": 67400,
     "modules": 262,
     # Each of the prover's is one formula; what ends with its parent is for plug-ins, too
     "modules with one importer": 56,

@@ -77,7 +77,7 @@ class Cluster:
     def jobs(self) -> int:
         """Threads of all workers, which may join and leave: calls that are made at once."""
         now = time.monotonic()
-        if now >= self._look_again:
+        if now >= self._look_again and self.client.status == "running":
             self._look_again = now + _LOOK_AGAIN
             with suppress(CancelledError, OSError, TimeoutError):  # the calls will say so
                 self._threads = max(1, sum(self.client.nthreads().values()))
