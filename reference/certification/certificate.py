@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
 from importlib.resources import files
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -89,7 +89,8 @@ class Figure(Spec):
 
     def with_fields(self, **fields: str | None) -> Figure:
         """The same figure with other fields; InputError if a proof contradicts it."""
-        return Figure(**{**self.model_dump(), **fields})
+        changed: dict[str, Any] = {**self.model_dump(), **fields}
+        return Figure(**changed)
 
     @property
     def label(self) -> str:

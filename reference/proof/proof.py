@@ -205,8 +205,9 @@ class Proof(Shown):
 
     def total_energy(self, t: Instant) -> Enclosure:
         """Their sum [J]; see :meth:`q`."""
+        kinetic, potential = self._energies(t)
         with precision(self.bits):
-            return self._enclosed(sum(self._energies(t)))
+            return self._enclosed(kinetic + potential)
 
     def vacuum_range(self, t: Instant) -> Enclosure:
         """Where a projectile let go at a time comes back to y = 0 without air [m]; see :meth:`q`.
@@ -238,7 +239,8 @@ class Proof(Shown):
         marker = mechanism.marker(PROJECTILE)
         mass = None if marker is None else mechanism.thrown_mass(marker)
         with precision(self.bits):
-            start = sum(self._energies(0))
+            kinetic, potential = self._energies(0)
+            start = kinetic + potential
             if mass is None or start.contains(0):
                 raise InputError("a ratio of energies needs a projectile's mass and an energy.")
             speed = squared(velocity.real) + squared(velocity.imag)

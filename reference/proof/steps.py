@@ -35,7 +35,6 @@ from .remainders import models, powers, remainders
 from .sets import BITS, StateSet, alike, widths
 from .tape import Expansion, Series, Tape
 
-_CROSSINGS = 2  # refinements of a zero
 _DERIVATIVE_ORDER = 6  # of the flow's derivative, whose error widens a set by its part only
 _WIDER = 0.01  # a tube about a polynomial's values, in parts of their radius
 _LEAST_ROOM = 1e-9  # and in parts of the values
@@ -130,9 +129,8 @@ class Step:
             i: place of the function.
             t: since the step's start [s].
         """
-        for _ in range(_CROSSINGS):
-            t, state = self._crossing(i, t)
-        return t, state
+        narrower, _ = self._crossing(i, t)
+        return self._crossing(i, narrower)
 
     def _crossing(self, i: int, t: Ball) -> tuple[Ball, tuple[list[Ball], list[Ball]]]:
         q, u = self.at(t)
