@@ -70,6 +70,8 @@ from trebucheck.models.mechanism import mechanism_schema
 from trebucheck.models.mjcf.scene import RECORDED_FILE
 from trebucheck.models.mjcf.writer import write_model_folder
 from trebucheck.models.spec import schema_text
+from trebucheck.reference.certification.certificate import SCHEMA as CERTIFICATE_SCHEMA
+from trebucheck.reference.certification.certificate import Certificate
 from trebucheck.reference.solver import solve
 from typer.cli import get_docs_for_click
 
@@ -126,6 +128,8 @@ def write_schemas() -> None:
     for name, kind in SCHEMAS.items():
         path = ROOT / "comparisons" / "schemas" / f"{name}.schema.json"
         path.write_text(schema_text(kind))
+    path = ROOT / "reference" / "certification" / "certificates" / CERTIFICATE_SCHEMA
+    path.write_text(schema_text(Certificate))
 
 
 def write_problems() -> None:

@@ -37,10 +37,11 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 67400,
-    "modules": 262,
+    "lines": 69400,
+    "modules": 271,
+    # Horizons and published figures, with their pages and tests, are proofs of other questions.
     # Each of the prover's is one formula; what ends with its parent is for plug-ins, too
-    "modules with one importer": 56,
+    "modules with one importer": 58,
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,

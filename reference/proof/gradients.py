@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from .balls import Ball, Matrix, arb, arb_mat, identity
+from .balls import Ball, Matrix, arb, arb_mat
 from .remainders import Model, ranges
 from .tape import Factored, Tape, unknowns
 
@@ -169,11 +169,17 @@ def _times(slopes: _Slopes, factor: Model) -> _Slopes:
 
 
 def _divided(slopes: _Slopes, divisor: Model) -> _Slopes:
-    """The quotient's product with the divisor is known: a triangular system."""
+    """The quotient's product with the divisor is known: a triangular system, column by column."""
     if slopes is None:
         return None
-    matrix = divisor.multiplication
-    return slopes * matrix.solve(identity(matrix.nrows()), nonstop=True)
+    factor, quotients = divisor.multiplication.tolist(), list[list[Ball]]()
+    for row in slopes.tolist():
+        found: list[Ball] = []
+        for k, value in enumerate(row):
+            known = sum((x * factor[j][k] for j, x in enumerate(found)), _ZERO)
+            found.append((value - known) / factor[k][k])
+        quotients.append(found)
+    return arb_mat(quotients)
 
 
 def _negated(slopes: _Slopes) -> _Slopes:

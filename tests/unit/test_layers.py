@@ -27,7 +27,8 @@ RANKS: tuple[tuple[str, ...], ...] = (
     ("models/mjcf",),
     ("reference", "engines"),
     ("reference/taylor", "reference/throw", *(f"engines/{name}" for name in ENGINES)),
-    ("reference/certification", "reference/sensitivity", "reference/proof"),
+    ("reference/sensitivity", "reference/proof"),
+    ("reference/certification",),
     ("engines/reference",),
     ("comparisons/runs",),
     ("comparisons/report/drawing",),
@@ -182,6 +183,7 @@ ONE_IMPORTER = {
     "reference.motion": "tb.solve, and the sensitivities",
     "reference.sensitivity.sensitivities": "tb.sensitivities, and the horizons",
     "reference.kernel": "arithmetic that Numba compiles, apart from when it does",
+    "reference.certification.proved": "what is proved of a certificate's figures",
     "reference.certification.paper": "figures of the paper's machines alone",
     "renamed": "names of earlier releases; the front door imports it",
 }

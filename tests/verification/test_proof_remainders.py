@@ -123,6 +123,19 @@ def test_derivatives_of_functions_are_within_their_remainders(q: float, u: float
     assert not _wrong_slopes(q, u)
 
 
+def test_derivatives_are_not_much_wider_than_the_state() -> None:
+    """A box of states of 1e-9 gives derivatives of about as much, quotients and roots, too."""
+    tape = _tape()
+    with precision(160):
+        box = [arb(0.5, 1e-9)], [arb(-0.25, 1e-9)]
+        expansion = tape.expand([], *box, _ORDER)
+        length = exact(Fraction(1, 2**14))
+        made = remainders.models(expansion, length, [arb(0)] * 2)
+        for part in gradients.slope_models(tape, made):
+            for *series, rest in part.tolist():
+                assert float(TaylorModel(series, rest).at(length).rad()) < 1e-7
+
+
 @given(numbers, numbers, st.integers(0, 6))
 def test_motions_part_as_the_derivative_of_the_flow_says(q: float, u: float, order: int) -> None:
     """By the mean value theorem, for any two states of the set."""
