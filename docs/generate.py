@@ -427,7 +427,7 @@ def write_horizon() -> None:
 _SHOWN = (1, 3, 6, 9, 12, 15, 18, 24, 30)
 """Digits whose horizons the page has; the files have all."""
 _HORIZONS: dict[str, dict[int, str | None]] = {
-    "double-pendulum": {24: "12", 53: "18", 64: "20", 113: "24"},
+    "double-pendulum": {24: "12", 53: "18", 64: "16", 113: "16"},
     "fixed": {24: None, 53: None, 113: None},
 }
 """Ends [s] by bits of the start and by model; None: the launch."""

@@ -54,15 +54,17 @@ def plot(found: Sequence[Horizon], title: str = "") -> Plot:
     """Bounds and linear estimates over time, a colour for each number of bits."""
     series: list[Series] = []
     for each, colour in zip(found, distinct_colours(), strict=False):
-        for what, points, style in (
-            ("at most", each.growth, "line"),
-            ("at least", each.parted, "dashed"),
-            ("linear", each.linear, "points"),
+        name = f"{each.start_bits} bits"  # once in the legend, of one colour
+        for points, style in (
+            (each.growth, "line"),
+            (each.parted, "dashed"),
+            (each.linear, "points"),
         ):
             if points:
                 t, radius = np.array([(point.t, point.radius) for point in points]).T
-                name, look = f"{each.start_bits} bits, {what}", Style(colour, style == "dashed")
-                mark = "points" if style == "points" else "line"
+                look, mark = Style(colour, style == "dashed"), "line"
+                if style == "points":
+                    mark = "points"
                 series.append(Series(name, t, radius, look, mark))
     axis = Axis("distance from one motion", "rad", logarithmic=True)
     return Plot(Axis("t", "s"), axis, tuple(series), title)

@@ -113,8 +113,9 @@ def proof_report(proof: ProofFile, beside: Sequence[PublishedFigure] = ()) -> do
             (each.figure, each.unit, each.expected, each.value or "", each.verdict)
             for each in beside
         ]
-        titles = ("figure of the source", "unit", "expected", "proved", "verdict")
-        blocks = (*blocks, doc.table(titles, sources))
+        titles = doc.columns("figure of the source | unit | expected | proved | verdict")
+        heads = doc.ranked(titles, verdict=0, expected=1, unit=2, proved=3)
+        blocks = (*blocks, doc.table(heads, sources))
     title = f"{proof.model}: {len(rows)} figures proved to {proof.digits} digits"
     mechanism = doc.Note(f"Mechanism {proof.mechanism_hash}, stops {proof.stop_law.value}.")
     window = f"trebucheck prove: {proof.model}"
