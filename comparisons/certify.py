@@ -31,7 +31,7 @@ def certify(
         >>> import trebucheck as tb
         >>> certificate = tb.certify("fixed")  # doctest: +SKIP
         >>> certificate.figure("launch_time").texts  # doctest: +SKIP
-        ('2.74281775577146', '4.0e-13')
+        ('2.74281775577146', '3.4e-13')
 
     Args:
         model: name of a machine or of a problem of the library, path of a mechanism's .json file, a

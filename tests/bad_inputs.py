@@ -173,6 +173,7 @@ _BY_NAME: Mapping[str, Values] = {
     "release": NUMBERS,
     "digits": (*WHOLE, "201"),
     "most_steps": WHOLE,
+    "start_bits": (*WHOLE, "7", "601"),
     "neighbours": WHOLE,
     "tier": _NAME,
     "problem": _NAME,
