@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from functools import cached_property
 from inspect import Parameter, Signature
 from pathlib import Path
@@ -181,13 +181,11 @@ class Call:
 
         return Worker(self.timeout, isolate)
 
-    @contextmanager
-    def progress(self, what: str = "reference", width: int = 40) -> Generator[Progress]:
-        """The progress bar, see :func:`.output.progress`, of runs in processes forked from here."""
-        from ..comparisons.runs.process import forks_here
-
-        with forks_here(), output.progress(what, width, self.told) as show:
-            yield show
+    def progress(
+        self, what: str = "reference", width: int = 40
+    ) -> AbstractContextManager[Progress]:
+        """The progress bar; see :func:`.output.progress`."""
+        return output.progress(what, width, self.told)
 
     def publish(
         self, data: str, text: str, report: Document, page: str, called: str = "Report", **more: Any

@@ -14,21 +14,17 @@ from __future__ import annotations
 
 import gc
 import math
-import multiprocessing
 import os
 import pickle
 import signal
 import socket
 import sys
-import threading
 import time
-import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent import futures
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager, suppress
-from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
@@ -36,7 +32,7 @@ from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, Protocol, Self, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 import numpy as np
 from joblib.externals.loky import ProcessPoolExecutor, process_executor
@@ -48,7 +44,6 @@ from ...engines.protocol import Engine
 from ...models.errors import EngineNotInstalledError, SimulationError, TrebucheckError
 from ...models.problem import Problem
 from ...models.trajectory import Trajectory
-from ...reference.compiled import is_available, kernel
 
 
 class _Named(Protocol):
@@ -138,26 +133,17 @@ def _memory_of(process: int | None) -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-_INTERRUPTS = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
-)
-"""Signals that end a command as Ctrl-C does."""
-
-
 @contextmanager
 def block_sigint() -> Generator[None, None, None]:
-    """Keeps a Ctrl-C of the terminal from processes started meanwhile: their owner ends them."""
-    with _held(signal.SIGINT):
-        yield
+    """Keeps a Ctrl-C of the terminal from processes started meanwhile: their owner ends them.
 
-
-@contextmanager
-def _held(*signals: signal.Signals) -> Generator[None]:
-    """Holds signals back, where masks are; they are not lost, and inherited by new processes."""
+    The signal is held back here, not lost; a child inherits that. (Systems without signal masks go
+    without.)
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
@@ -178,10 +164,8 @@ def _computed(_: _Computation, compute: Callable[[], _Result]) -> _Result:
 class _Process(ProcessPoolExecutor):
     """A process that makes calls; the thread that starts it lasts as long: it ends with both."""
 
-    def __init__(self, *, forked: bool = False) -> None:
-        context = multiprocessing.get_context("fork") if forked else None
-        begin = {"initializer": _begin_process, "initargs": (os.getpid(),)}
-        super().__init__(max_workers=1, context=context, **begin)
+    def __init__(self) -> None:
+        super().__init__(max_workers=1, initializer=_begin_process, initargs=(os.getpid(),))
         self._starter = ThreadPoolExecutor(1, "starter")
 
     def begin(self) -> None:
@@ -193,15 +177,6 @@ class _Process(ProcessPoolExecutor):
             RuntimeError: the system starts no thread.
         """
         self._starter.submit(_submitted, self, _import_this_module).result().result(_START)
-
-    @classmethod
-    def fork(cls) -> Self:
-        """Fork a process from this one, by the calling thread, which it ends with; as `begin`."""
-        pool = cls(forked=True)
-        with warnings.catch_warnings():  # of threads, from Python 3.12 on: see `forks_here`
-            warnings.simplefilter("ignore", DeprecationWarning)
-            _submitted(pool, _import_this_module).result(_START)
-        return pool
 
     def wait_for(self, future: Future[Any], timeout: float, memory: float) -> _Stopped | None:
         """Wait for a call, as :func:`_wait_for`."""
@@ -367,47 +342,10 @@ class Worker:
             self._end(pool)
 
     def __enter__(self) -> Worker:
-        if self.isolate and not self.fresh and _is_forkable():
-            if is_available():
-                kernel()  # which this process needs as well: it is loaded once
-            # One only: a second would be forked beside the threads that serve the first.
-            with _held(*_INTERRUPTS):
-                pool = _Process.fork()
-                self._started.append(pool)
-                self._idle.get()
-                self._idle.put(pool)
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-_forks_here = ContextVar("_forks_here", default=False)
-
-
-@contextmanager
-def forks_here() -> Generator[None]:
-    """Let the processes of a `with Worker()` be forked from this one, on Linux.
-
-    They need not import what is here already: a start costs two seconds of processor time less.
-    For a command, whose process has run nothing but this package: a library with threads of its
-    own, which a script may have used before, does not survive a fork.
-    """
-    token = _forks_here.set(True)
-    try:
-        yield
-    finally:
-        _forks_here.reset(token)
-
-
-def _is_forkable() -> bool:
-    """Tell whether processes may be forked here: no thread runs but one that draws progress.
-
-    That one holds no lock that a process needs: it has output streams of its own.
-    """
-    others = set(threading.enumerate()) - {threading.current_thread()}
-    drawing = all(type(thread).__module__.startswith("rich.") for thread in others)
-    return FORKS and _forks_here.get() and drawing
 
 
 def _submitted(pool: Any, *call: Any) -> Any:
@@ -450,13 +388,6 @@ def _begin_process(parent: int) -> None:
     """
     end_with_parent(parent)
     _be_first_to_go()
-    for number in set(_INTERRUPTS) - {signal.SIGINT}:  # a fork has its parent's handlers
-        signal.signal(number, signal.SIG_DFL)
-        if hasattr(signal, "pthread_sigmask"):
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})
-    # In a fork, streams of its parent may be locked by a thread that is not here.
-    for name, number in (("stdout", 1), ("stderr", 2)):
-        setattr(sys, name, open(number, "w", buffering=1, closefd=False))  # noqa: SIM115
     process_executor._MAX_MEMORY_LEAK_SIZE = sys.maxsize  # pyright: ignore[reportPrivateUsage]
 
 

@@ -295,47 +295,6 @@ def test_a_closed_worker_leaves_no_semaphores_and_no_threads() -> None:
     assert "leaked" not in done.stderr
 
 
-FORKED = """
-import os
-import sys
-import threading
-
-from trebucheck.comparisons.runs.process import ProcessError, Worker, forks_here
-
-sys.known = "here"  # which a process that is started has not
-
-
-def known():
-    return os.getppid(), getattr(sys, "known", None)
-
-
-with forks_here(), Worker(60.0) as worker:
-    assert worker.compute(known) == (os.getpid(), "here")
-    try:
-        worker.compute(os.abort)
-    except ProcessError:
-        pass
-    assert worker.compute(known) == (os.getpid(), None)
-with Worker(60.0) as worker:
-    assert worker.compute(known)[1] is None
-sleeper = threading.Event()
-threading.Thread(target=sleeper.wait).start()
-with forks_here(), Worker(60.0) as worker:
-    assert worker.compute(known)[1] is None
-sleeper.set()
-"""
-
-
-@pytest.mark.skipif(not process.FORKS, reason="forks are for Linux")
-def test_a_command_forks_its_processes_where_no_other_thread_runs() -> None:
-    """A crash ends the fork alone; the next process is a started one."""
-    done = subprocess.run(
-        [sys.executable, "-c", FORKED], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert "leaked" not in done.stderr
-
-
 class _Stillborn:
     """A pool whose process ends before it can be sent anything."""
 
