@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from ..engines.child_process import ending_with_parent
 from ..engines.presets import ASSISTED
 from ..engines.protocol import Engine
 from ..engines.reference.engine import ReferenceEngine

@@ -13,8 +13,8 @@ from queue import Empty, SimpleQueue
 from threading import TIMEOUT_MAX, Thread
 from typing import Any, Self
 
+from trebucheck.api.engines import ending_with_parent
 from trebucheck.api.mechanics import InputError, SimulationError, shortened
-from trebucheck.engines.child_process import ending_with_parent
 
 from . import worker
 

@@ -20,7 +20,7 @@ from tempfile import TemporaryFile
 from typing import IO, Any
 
 import numpy as np
-from trebucheck.engines.child_process import ending_with_parent
+from trebucheck.api.engines import ending_with_parent
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 
