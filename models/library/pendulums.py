@@ -119,7 +119,7 @@ class ChainParameters(BenchmarkParameters):
 
     @property
     def duration(self) -> float:
-        """Some three swings of the chain as one rod."""
+        """Time of some three swings of the chain as one rod [s]."""
         return round(9.0 * math.sqrt(self.N * self.length / self.g), 2)
 
     def mechanism(self) -> Mechanism:

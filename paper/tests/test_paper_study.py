@@ -128,7 +128,7 @@ def test_what_becomes_of_the_paper(computed: bool) -> None:
 
 
 def test_no_proof_is_against_its_verdict() -> None:
-    """What the reference's number decides beyond its uncertainty, a proof decides no other way."""
+    """A proof decides nothing otherwise than the reference's number beyond its uncertainty."""
     decided = 0
     for claim in paper().claims:
         if claim.proved.holds is not None:

@@ -27,7 +27,7 @@ from trebucheck_paper.evidence.verdicts import (
 
 @cache
 def enclosures() -> Enclosures:
-    """Of the fixed machine, to its arm's blow."""
+    """Enclosures of the fixed machine, to its arm's blow."""
     launch = tb.prove("fixed", digits=5).launch_time
     assert launch is not None
     return Enclosures({"fixed": tb.fixed()}, {"fixed": float(launch.value)}, {"fixed": 2.97})

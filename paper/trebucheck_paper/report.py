@@ -330,7 +330,7 @@ def _verdict(claim: Claim) -> Cell:
 
 
 def _proof(claim: Claim) -> Cell:
-    """What is proved of the claim; the enclosure shows where it is pointed at."""
+    """Outcome of the proof; the enclosure shows where it is pointed at."""
     unit = "" if claim.ours is None else claim.ours.unit
     known, mark = claim.proved, doc.mark_of(claim.proved.holds)
     hint = "" if known.value is None else f"{known.value} ± {known.radius} {unit}".rstrip()

@@ -108,7 +108,7 @@ class Figure(Spec):
 
 
 class Certificate(Reported, Spec):
-    """All figures of one machine."""
+    """Figures of one machine."""
 
     format: Literal["trebucheck-certificate-1"] = FORMAT
     model: str

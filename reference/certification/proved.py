@@ -38,7 +38,7 @@ def with_proof(figure: Figure, proof: Proof | str) -> Figure:
 
 def _enclosure(figure: Figure, proof: Proof) -> Enclosure | str:
     if figure.name in _EXTREMA:
-        return "it is at an extremum, and a proof finds no extrema"
+        return "it is at an extremum, which a certificate does not enclose"
     when = _instant(figure, proof)
     if when is None:
         return f"the proved motion has no {figure.at or figure.name}"

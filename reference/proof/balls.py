@@ -64,6 +64,14 @@ def identity(n: int) -> Matrix:
     return arb_mat([[int(i == j) for j in range(n)] for i in range(n)])
 
 
+def polynomial(coefficients: Sequence[Any], remainder: Any, t: Ball) -> Any:
+    """Value at t of sum c_k t^k + r t^(n+1), with n + 1 coefficients: balls, or matrices."""
+    value = remainder
+    for c in reversed(coefficients):
+        value = value * t + c
+    return value
+
+
 def diagonal(values: Sequence[Ball | float]) -> Matrix:
     """The matrix with such a diagonal."""
     n = range(len(values))

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...models.arrays import FloatArray
-from .balls import Ball, Matrix, absolute, arb, arb_mat, diagonal, identity
+from .balls import Ball, Matrix, absolute, arb, arb_mat, diagonal, identity, polynomial
 from .sets import sums
 
 _TERMS = 14  # of the exponential, at least
@@ -35,10 +35,7 @@ class FlowDerivative:
 
     def at(self, t: Ball) -> Matrix:
         """Enclose it at the times of a ball, which are within the step."""
-        value = self.remainder
-        for c in reversed(self.coefficients):
-            value = value * t + c
-        return value
+        return polynomial(self.coefficients, self.remainder, t)
 
 
 def flow_derivative(

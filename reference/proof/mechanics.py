@@ -54,6 +54,20 @@ def potential_energy(kinematics: BallKinematics, q: Coordinates) -> Ball:
     return total
 
 
+def half_square(velocity: Complex) -> Ball:
+    """Kinetic energy of a unit mass [J/kg]."""
+    return (squared(velocity.real) + squared(velocity.imag)) / 2
+
+
+def range_without_drag(position: Complex, velocity: Complex, gravity: float) -> Ball:
+    """Where what is let go comes back to y = 0 without air [m]; not finite if it may not.
+
+    Of (x, y) and (vx, vy) it is x + vx T, g T = vy + sqrt(vy^2 + 2 g y).
+    """
+    fall = (squared(velocity.imag) + 2 * gravity * position.imag).sqrt()
+    return position.real + velocity.real * (velocity.imag + fall) / gravity
+
+
 def joint_reactions(
     kinematics: BallKinematics, q: Coordinates, u: Coordinates, forces: SolvedForces
 ) -> dict[str, Complex]:

@@ -27,7 +27,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.errors import SimulationError
+from ...models.errors import InputError, SimulationError
 from ...models.kinematics import initial_state
 from ...models.launch import AT_REST
 from ...models.problem import Problem, StopLaw
@@ -144,11 +144,21 @@ class Phase:
                 found.append(step.at(since - low))
         if not found:
             raise ValueError("the phase has not begun, or is over")
-        (q, u), *others = found
-        for more_q, more_u in others:  # the ball lies across the end of a step
-            q = [a.union(b) for a, b in zip(q, more_q, strict=True)]
-            u = [a.union(b) for a, b in zip(u, more_u, strict=True)]
-        return q, u
+        return hull(found)  # of several where the ball lies across the end of a step
+
+    @property
+    def end(self) -> Ball:
+        """End of its last step [s]."""
+        return self.start + exact(self.steps[-1].end)
+
+
+def hull(states: Sequence[State]) -> State:
+    """The least box around some states, at least one."""
+    (q, u), *others = states
+    for more_q, more_u in others:
+        q = [a.union(b) for a, b in zip(q, more_q, strict=True)]
+        u = [a.union(b) for a, b in zip(u, more_u, strict=True)]
+    return q, u
 
 
 class ProvedMotion:
@@ -411,10 +421,22 @@ class ProvedMotion:
 
     def projectile_velocity(self, state: State) -> Complex:
         """Velocity of the projectile, which there must be, x + i y [m/s]."""
-        marker = self.problem.mechanism.marker(PROJECTILE)
-        assert marker is not None
+        return self.point(PROJECTILE, state)[1]
+
+    def point(self, name: str, state: State) -> tuple[Complex, Complex]:
+        """Position [m] and velocity [m/s] of a marker, x + i y.
+
+        Raises:
+            InputError: there is no such marker.
+        """
+        mechanism = self.problem.mechanism
+        marker = mechanism.marker(name)
+        if marker is None:
+            names = [each.name for each in mechanism.markers]
+            raise InputError(f"there is no marker {name!r} here; there are {names or 'none'}.")
         q, u = map(as_coordinates, state)
-        return self.kinematics.rate(self.kinematics.point(marker.body, marker.point), q, u)
+        row = self.kinematics.point(marker.body, marker.point)
+        return self.kinematics.vector(row, q), self.kinematics.rate(row, q, u)
 
     def forces(self, phase: Phase, state: State) -> SolvedForces:
         """Accelerations, multipliers of loops, and torques (forces) of the closed stops."""

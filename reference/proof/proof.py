@@ -20,10 +20,17 @@ from ...models.errors import InputError, SimulationError
 from ...models.problem import LONGEST, Problem
 from ...models.shown import Shown
 from ..taylor.numbers import PROJECTILE
-from .balls import Ball, arb, as_decimals, precision, rounded, squared
-from .mechanics import SolvedForces, joint_reactions, kinetic_energy, potential_energy
+from .balls import Ball, as_decimals, precision, rounded
+from .mechanics import (
+    SolvedForces,
+    half_square,
+    joint_reactions,
+    kinetic_energy,
+    potential_energy,
+    range_without_drag,
+)
 from .motion import Limits, Phase, ProvedEvent, ProvedMotion, State, UndecidedError
-from .numbers import Complex, Coordinates, as_coordinates
+from .numbers import Coordinates, as_coordinates
 
 MOST_DIGITS = 200
 _SPARE = 12  # digits beside those asked for, in the first trial
@@ -145,7 +152,7 @@ class Proof(Shown):
             return None
         with precision(self.bits):
             velocity = self.motion.projectile_velocity((launch.q, launch.u))
-            speed = (squared(velocity.real) + squared(velocity.imag)).sqrt()
+            speed = (2 * half_square(velocity)).sqrt()
         return self._enclosed(speed)
 
     def state(self, t: Instant) -> State:
@@ -195,7 +202,9 @@ class Proof(Shown):
         Raises:
             InputError: as of :meth:`q`, or there is no such marker.
         """
-        position, velocity = self._point(name, t)
+        state = self.state(t)
+        with precision(self.bits):
+            position, velocity = self.motion.point(name, state)
         return self._parts(position), self._parts(velocity)
 
     def energy(self, t: Instant) -> tuple[Enclosure, Enclosure]:
@@ -212,22 +221,19 @@ class Proof(Shown):
     def vacuum_range(self, t: Instant) -> Enclosure:
         """Where a projectile let go at a time comes back to y = 0 without air [m]; see :meth:`q`.
 
-        Of (x, y) and (vx, vy) it is x + vx T, g T = vy + sqrt(vy^2 + 2 g y).
-
         Raises:
             InputError: as of :meth:`q`; or there is no projectile or gravity, or gravity is not
                 along -y, or it does not come back.
         """
         mechanism = self.problem.mechanism
-        position, velocity = self._point(PROJECTILE, t)
+        state = self.state(t)
         if not mechanism.gravity or mechanism.gravity_direction != (0.0, -1.0):
             raise InputError("a range without air needs gravity along -y.")
         with precision(self.bits):
-            g, rise = arb(mechanism.gravity), velocity.imag
-            under = squared(rise) + 2 * g * position.imag
-            if not under >= 0:
-                raise InputError(f"what is let go at t = {t} does not come back to y = 0.")
-            return self._enclosed(position.real + velocity.real * (rise + under.sqrt()) / g)
+            distance = range_without_drag(*self.motion.point(PROJECTILE, state), mechanism.gravity)
+        if not distance.is_finite():
+            raise InputError(f"what is let go at t = {t} does not come back to y = 0.")
+        return self._enclosed(distance)
 
     def energy_ratio(self, t: Instant) -> Enclosure:
         """Kinetic energy of the projectile in parts of the total energy at the start.
@@ -235,7 +241,7 @@ class Proof(Shown):
         Raises:
             InputError: as of :meth:`q`; or no projectile's mass is known, or there is no energy.
         """
-        mechanism, velocity = self.problem.mechanism, self._point(PROJECTILE, t)[1]
+        mechanism, state = self.problem.mechanism, self.state(t)
         marker = mechanism.marker(PROJECTILE)
         mass = None if marker is None else mechanism.thrown_mass(marker)
         with precision(self.bits):
@@ -243,26 +249,14 @@ class Proof(Shown):
             start = kinetic + potential
             if mass is None or start.contains(0):
                 raise InputError("a ratio of energies needs a projectile's mass and an energy.")
-            speed = squared(velocity.real) + squared(velocity.imag)
-            return self._enclosed(mass * speed / 2 / start)
+            velocity = self.motion.projectile_velocity(state)
+            return self._enclosed(mass * half_square(velocity) / start)
 
     def _energies(self, t: Instant) -> tuple[Ball, Ball]:
         q, u = map(as_coordinates, self.state(t))
         with precision(self.bits):
             kinetic = kinetic_energy(self.motion.kinematics, q, u)
             return kinetic, potential_energy(self.motion.kinematics, q)
-
-    def _point(self, name: str, t: Instant) -> tuple[Complex, Complex]:
-        """Position and velocity of a marker."""
-        mechanism, kinematics = self.problem.mechanism, self.motion.kinematics
-        marker = mechanism.marker(name)
-        if marker is None:
-            names = [each.name for each in mechanism.markers]
-            raise InputError(f"there is no marker {name!r} here; there are {names or 'none'}.")
-        q, u = map(as_coordinates, self.state(t))
-        with precision(self.bits):
-            row = kinematics.point(marker.body, marker.point)
-            return kinematics.vector(row, q), kinematics.rate(row, q, u)
 
     def _forces(self, t: Instant) -> tuple[Coordinates, Coordinates, SolvedForces]:
         phase, state = self._state(t)

@@ -119,7 +119,11 @@ def models(expansion: Expansion, length: Ball, state: Series) -> list[Any]:
         A :class:`Model`, :class:`Wave` or :class:`Solved` each, with balls that are not finite
         where a result may not exist.
     """
-    step, made = _step(expansion, length, state), list[Any]()
+    return _models(expansion, _step(expansion, length, state))
+
+
+def _models(expansion: Expansion, step: _Step) -> list[Any]:
+    made = list[Any]()
     for operation, result in zip(expansion.operations, expansion.results, strict=True):
         made.append(_MODELS[operation.kind](step, operation.arguments, result, made))
     return made
@@ -140,8 +144,8 @@ def remainders(expansion: Expansion, length: Ball) -> Remainders:
     Args:
         expansion, length: see :func:`models`.
     """
-    none = [_ZERO] * len(expansion.state)
-    step, made = _step(expansion, length, none), models(expansion, length, none)
+    step = _step(expansion, length, [_ZERO] * len(expansion.state))
+    made = _models(expansion, step)
     state = [step.model(series, _ZERO).whole for series in expansion.state]
     return Remainders(state, [made[place].remainder for place in expansion.outputs])
 

@@ -112,8 +112,8 @@ class Impacts:
         time = between(shortest, longest)
         q_end = [x + time * v for x, v in zip(q, box[1], strict=True)]
         fallen = [v + time * a for v, a in zip(u, accelerations, strict=True)]
-        by = self._gap_speed(q_end, fallen) / self._gap_speed(q_end, direction)
-        u_end = [v - by * d for v, d in zip(fallen, direction, strict=True)]
+        left = self._gap_speed(q_end, fallen) / self._gap_speed(q_end, direction)
+        u_end = [v - left * d for v, d in zip(fallen, direction, strict=True)]
         return (q_inside, u_inside), Rest(time, q_end, u_end)
 
     def _flight(self, q: list[Ball], u: list[Ball]) -> tuple[list[Ball], Ball, Ball, list[Ball]]:
@@ -129,4 +129,4 @@ class Impacts:
         )
 
     def _gap_speed(self, q: list[Ball], u: list[Ball]) -> Ball:
-        return self._flight(q, u)[1]
+        return self.flight.values(self.numbers, q, u)[len(q)]

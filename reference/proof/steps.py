@@ -28,7 +28,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 from ...models.arrays import FloatArray
-from .balls import Ball, Matrix, arb, arb_mat, between, exact, precision
+from .balls import Ball, Matrix, arb, arb_mat, between, exact, polynomial, precision
 from .flow import FlowDerivative, flow_bound, flow_derivative
 from .gradients import gradients, slope_models
 from .remainders import models, powers, remainders
@@ -57,10 +57,7 @@ class TaylorModel:
 
     def at(self, t: Ball) -> Ball:
         """Enclose its values at the times of a ball, which are within the step."""
-        value = self.remainder
-        for c in reversed(self.coefficients):
-            value = value * t + c
-        return value
+        return polynomial(self.coefficients, self.remainder, t)
 
     def derivative(self) -> TaylorModel:
         """Its derivative, if the remainder is its next coefficient over the step (Lagrange)."""
@@ -72,8 +69,6 @@ class Tube(NamedTuple):
     """A box that no motion leaves over a step, and what follows."""
 
     box: list[Ball]
-    jacobian: Matrix
-    """Jacobian of the rates by the state, in the box."""
     sizes: FloatArray
     """Sizes of the state's parts that are alike there."""
     remainders: list[Ball]
@@ -145,10 +140,9 @@ class Step:
             if not all(x.is_finite() for x in late):
                 return t, (q, u)
             derivative = self._derivative.at(middle)
-            gradient = arb_mat([by_state])
-            left = derivative - arb_mat([[x] for x in late]) * (gradient * derivative)
-            off = self.states.apart(left)
-            (wide,) = self.states.apart(gradient * derivative)
+            change = arb_mat([by_state]) * derivative
+            off = self.states.apart(derivative - arb_mat([[x] for x in late]) * change)
+            (wide,) = self.states.apart(change)
         time = (middle - (value + arb(0, wide)) / along).intersection(t)
         state: list[Ball] = []
         for c, rate, w, before in zip(centre, late, off, [*q, *u], strict=True):
@@ -311,7 +305,7 @@ class StepMaker:
         off = list[Ball]()
         if of_functions:
             off = states.apart(arb_mat(slopes[n_q:]) * flow)
-        return Tube(box, jacobian, sizes, grown, of_functions, flow, apart, off)
+        return Tube(box, sizes, grown, of_functions, flow, apart, off)
 
 
 def _left_out(

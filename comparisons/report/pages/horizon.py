@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...horizon import Horizon
+from ....models.arrays import FloatArray
+from ...horizon import Growth, Horizon
 from .. import document as doc
 from ..plots import Axis, Plot, Series, Style, distinct_colours
 
@@ -54,17 +55,17 @@ def plot(found: Sequence[Horizon], title: str = "") -> Plot:
     """Bounds and linear estimates over time, a colour for each number of bits."""
     series: list[Series] = []
     for each, colour in zip(found, distinct_colours(), strict=False):
-        name = f"{each.start_bits} bits"  # once in the legend, of one colour
-        for points, style in (
-            (each.growth, "line"),
-            (each.parted, "dashed"),
-            (each.linear, "points"),
-        ):
-            if points:
-                t, radius = np.array([(point.t, point.radius) for point in points]).T
-                look, mark = Style(colour, style == "dashed"), "line"
-                if style == "points":
-                    mark = "points"
-                series.append(Series(name, t, radius, look, mark))
+        name = f"{each.start_bits} bits"
+        curves = (
+            Series(name, *_curve(each.growth), Style(colour)),
+            Series(name, *_curve(each.parted), Style(colour, dashed=True), listed=False),
+            Series(name, *_curve(each.linear), Style(colour), "points", listed=False),
+        )
+        series += [curve for curve in curves if len(curve.x)]
     axis = Axis("distance from one motion", "rad", logarithmic=True)
     return Plot(Axis("t", "s"), axis, tuple(series), title)
+
+
+def _curve(points: Sequence[Growth]) -> tuple[FloatArray, FloatArray]:
+    """Times and radii."""
+    return np.array([each.t for each in points]), np.array([each.radius for each in points])

@@ -118,7 +118,7 @@ class EngineValue(Spec):
 
 
 class Proved(Spec):
-    """What ball arithmetic proves of a claim."""
+    """Outcome of a claim in ball arithmetic."""
 
     holds: bool | None = Field(
         default=None, description="whether the claim holds as printed; None: it is not proved"

@@ -32,10 +32,13 @@ from trebucheck.api.mechanics import (
     arb,
     as_coordinates,
     between,
+    half_square,
+    hull,
     kinetic_energy,
     potential_energy,
     precision,
     prove,
+    range_without_drag,
     squared,
 )
 
@@ -95,7 +98,7 @@ class Enclosures:
                 self.balls[name, of.ARM_DELAY] = blow - self.balls[name, of.LAUNCH_TIME]
 
     def proof_of(self, formula: Formula, interval: ClosedInterval | None) -> Proved:
-        """What is proved of a claim on a formula, which holds for the values of an interval.
+        """Hold a claim on a formula, true for the values of an interval, against its enclosure.
 
         The formula's own factors are doubles: its enclosure is widened by their rounding.
         """
@@ -114,7 +117,7 @@ class Enclosures:
 
 
 def proved(known: Enclosure, interval: ClosedInterval | None, why: str = "") -> Proved:
-    """What an enclosure proves of a claim that holds for the values of an interval."""
+    """Hold a claim that is true for the values of an interval against an enclosure."""
     value, radius = str(known.value), str(known.radius)
     if interval is None:
         return Proved(value=value, radius=radius, why=why)
@@ -156,14 +159,13 @@ class _Reader:
             yield from part()
 
     def _of_the_launch(self) -> _Read:
-        counterweight = self._point(COUNTERWEIGHT, self.at_launch)[1]
+        counterweight = self.motion.point(COUNTERWEIGHT, self.at_launch)[1]
         mass = next(
             self.mechanism.body(each.body).mass
             for each in self.mechanism.markers
             if each.name == COUNTERWEIGHT
         )
-        square = squared(counterweight.real) + squared(counterweight.imag)
-        yield of.COUNTERWEIGHT_ENERGY, mass * square / 2
+        yield of.COUNTERWEIGHT_ENERGY, mass * half_square(counterweight)
         q = as_coordinates(self.at_launch[0])
         yield of.POTENTIAL_ENERGY, potential_energy(self.kinematics, q)
         if self.mechanism.slides:
@@ -186,19 +188,20 @@ class _Reader:
         """Its rightmost point before the launch."""
 
         def rate(t: Ball) -> Ball:
-            return self._point(COUNTERWEIGHT, self._at(t))[1].real
+            return self.motion.point(COUNTERWEIGHT, self._at(t))[1].real
 
         end = self.launch.time.lower()
         low = (end / _PARTS).mid()
         turn = _falls(rate, low, end)
         if turn is None:
             return
-        x = self._point(COUNTERWEIGHT, self._at(turn))[0].real
-        at_first = self._point(COUNTERWEIGHT, self._at(between(arb(0), low)))[0].real
+        x = self.motion.point(COUNTERWEIGHT, self._at(turn))[0].real
+        at_first = self.motion.point(COUNTERWEIGHT, self._at(between(arb(0), low)))[0].real
         if not at_first < x:
             return
         first, last = (
-            self._point(COUNTERWEIGHT, state)[0] for state in (self._at(arb(0)), self.at_launch)
+            self.motion.point(COUNTERWEIGHT, state)[0]
+            for state in (self._at(arb(0)), self.at_launch)
         )
         yield of.RIGHTMOST, x
         yield of.SLANT, (x - first.real) / (first.imag - last.imag)
@@ -220,7 +223,7 @@ class _Reader:
         if best is None:
             return
         state = self._at(best)
-        velocity = self._point(PROJECTILE, state)[1]
+        velocity = self.motion.point(PROJECTILE, state)[1]
         angle = acb(velocity).arg()
         yield of.BEST_TIME, best
         yield of.BEST_ANGLE, angle
@@ -245,7 +248,7 @@ class _Reader:
         state = self._at(fastest)
         yield of.FASTEST_TIME, fastest
         yield of.LARGEST_RATIO, self._ratio(state)
-        yield of.FASTEST_ANGLE, acb(self._point(PROJECTILE, state)[1]).arg()
+        yield of.FASTEST_ANGLE, acb(self.motion.point(PROJECTILE, state)[1]).arg()
 
     def _about_the_launch(self) -> tuple[Ball, Ball]:
         return self.launch.time.lower() - BEYOND_LAUNCH, self.launch.time.upper() + BEYOND_LAUNCH
@@ -264,14 +267,10 @@ class _Reader:
             last = k + 1 == len(phases)
             if t < phase.start or (not last and t > phases[k + 1].start):
                 continue
-            if last and not t < _end(phase):
+            if last and not t < phase.end:
                 raise ValueError("beyond the proof")
             found.append(phase.at(t))
-        (q, u), *others = found
-        for more_q, more_u in others:
-            q = [a.union(b) for a, b in zip(q, more_q, strict=True)]
-            u = [a.union(b) for a, b in zip(u, more_u, strict=True)]
-        return q, u
+        return hull(found)
 
     def _phase_at(self, t: Ball) -> tuple[Phase, Any]:
         """The phase at the times of a ball [s], and its states.
@@ -285,22 +284,14 @@ class _Reader:
         for k, phase in enumerate(phases):
             following = phases[k + 1] if k + 1 < len(phases) else None
             goes_on = following is None or t < following.start or following.closed == phase.closed
-            if (k == 0 or t > phase.start) and goes_on and t < _end(phase):
+            if (k == 0 or t > phase.start) and goes_on and t < phase.end:
                 return phase, phase.at(t)
         raise ValueError("across an event")
-
-    def _point(self, name: str, state: Any) -> tuple[Any, Any]:
-        """Position [m] and velocity [m/s] of a marker, x + i y."""
-        marker = self.mechanism.marker(name)
-        assert marker is not None
-        q, u = map(as_coordinates, state)
-        row = self.kinematics.point(marker.body, marker.point)
-        return self.kinematics.vector(row, q), self.kinematics.rate(row, q, u)
 
     def _accelerated(self, t: Ball) -> tuple[Any, Any, Any]:
         """Position, velocity and acceleration of the projectile, x + i y."""
         phase, state = self._phase_at(t)
-        position, velocity = self._point(PROJECTILE, state)
+        position, velocity = self.motion.point(PROJECTILE, state)
         marker = self.mechanism.marker(PROJECTILE)
         assert marker is not None
         q, u = map(as_coordinates, state)
@@ -312,15 +303,11 @@ class _Reader:
         return position, velocity, acceleration
 
     def _speed(self, state: Any) -> Ball:
-        velocity = self._point(PROJECTILE, state)[1]
-        return (squared(velocity.real) + squared(velocity.imag)).sqrt()
+        return (2 * half_square(self.motion.projectile_velocity(state))).sqrt()
 
     def _range(self, state: Any) -> Ball:
         """Range without drag of what is let go [m]; the flight is a parabola."""
-        position, velocity = self._point(PROJECTILE, state)
-        g = self.mechanism.gravity
-        fall = (squared(velocity.imag) + 2 * g * position.imag).sqrt()
-        return position.real + velocity.real * (velocity.imag + fall) / g
+        return range_without_drag(*self.motion.point(PROJECTILE, state), self.mechanism.gravity)
 
     @property
     def _energy(self) -> Ball:
@@ -334,15 +321,7 @@ class _Reader:
         assert marker is not None
         mass = self.mechanism.thrown_mass(marker)
         assert mass is not None
-        velocity = self._point(PROJECTILE, state)[1]
-        square = squared(velocity.real) + squared(velocity.imag)
-        return mass * square / 2 / self._energy
-
-
-def _end(phase: Phase) -> Ball:
-    """End of a phase's last step [s]."""
-    last = phase.steps[-1].end
-    return phase.start + arb(last.numerator) / last.denominator
+        return mass * half_square(self.motion.projectile_velocity(state)) / self._energy
 
 
 def _falls(rate: _Rate, low: Ball, high: Ball) -> Ball | None:

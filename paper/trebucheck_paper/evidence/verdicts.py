@@ -67,8 +67,8 @@ def as_printed(
     ours: Quantity, printed: str, grid: Grid | None = None, causes: Iterable[Cause] = ()
 ) -> Judgement:
     """A printed number: holds to its digits, or within the paper's own grid, or not."""
-    holding = ClosedInterval.rounding_to(parse(printed).digits)
     number = parse(printed)
+    holding = ClosedInterval.rounding_to(number.digits)
     allowed = number.half + (ours.uncertainty or 0.0)
     error = abs(ours.value - number.value)
     departure = error / abs(number.value) if number.value else 1.0
