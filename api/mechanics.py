@@ -63,14 +63,14 @@ from ..reference.certification.certify import (
 from ..reference.certification.constrained import PointState
 from ..reference.equations import Equations
 from ..reference.perturbed import solve_scheduled
-from ..reference.proof.balls import Ball, acb, arb, between, precision, squared
+from ..reference.proof.balls import Ball, acb, arb, precision
+from ..reference.proof.extrema import Extrema
 from ..reference.proof.mechanics import (
     half_square,
     kinetic_energy,
     potential_energy,
     range_without_drag,
 )
-from ..reference.proof.motion import Phase, hull
 from ..reference.proof.numbers import as_coordinates
 from ..reference.proof.printed import ClosedInterval, Standing
 from ..reference.proof.proof import Enclosure, Proof

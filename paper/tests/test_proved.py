@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from decimal import Decimal
 from functools import cache
-from typing import Any
 
 import pytest
 import trebucheck as tb
-from trebucheck.api.mechanics import ClosedInterval, Enclosure, arb, precision
+from trebucheck.api.mechanics import ClosedInterval, Enclosure
 from trebucheck_paper.evidence import quantities as of
 from trebucheck_paper.evidence.claims import Quantity
-from trebucheck_paper.evidence.proved import Enclosures, _falls, proved
+from trebucheck_paper.evidence.proved import Enclosures, proved
 from trebucheck_paper.evidence.verdicts import (
     Verdict,
     as_printed,
@@ -68,15 +67,6 @@ def test_a_quantity_without_an_enclosure_says_so() -> None:
     other = enclosures().proof_of(of.LAUNCH_TIME.of("rolling"), None)
     assert other.holds is None
     assert other.value is None
-
-
-def test_a_maximum_is_where_a_rate_falls() -> None:
-    with precision(100):
-        rates: list[Any] = [lambda t: t.cos(), lambda t: -t.cos(), lambda t: t + 1]
-        found = [_falls(rate, arb(1), arb(2)) for rate in rates]
-        assert found[0].contains(arb.pi() / 2)
-        assert float(found[0].rad()) < 1e-8
-    assert found[1:] == [None, None]  # a minimum, and none
 
 
 @pytest.mark.parametrize("value", [-0.3, 0.0, 0.04, 0.06, 0.3])

@@ -431,10 +431,12 @@ def certify(
 def _proved(problem: Problem, plan: Plan, figures: Sequence[Figure]) -> list[Figure]:
     """The figures, with what is proved of each."""
     launch = [figure.value for figure in figures if figure.name == "launch_time"]
-    # A little beyond the launch, which is an event of the motion then.
-    end = max([*plan.grid, *plan.halfway.values(), *(t + plan.step / _MARGINS for t in launch)])
-    proof = proof_of(problem, min(end, problem.duration))
-    return [with_proof(figure, proof) for figure in figures]
+    # A step beyond the launch, within which extrema are sought, and a little more: what is read of
+    # a proof ends before it.
+    beyond = plan.step * (1 + 1 / _MARGINS)
+    end = max([*plan.grid, *plan.halfway.values(), *(t + beyond for t in launch)])
+    known = proof_of(problem, min(end, problem.duration), plan.step)
+    return [with_proof(figure, known) for figure in figures]
 
 
 def judge(

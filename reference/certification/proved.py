@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 
 from ...models.errors import InputError, SimulationError
 from ...models.problem import Problem
@@ -14,21 +16,46 @@ DIGITS = 18  # of a proof: two more than a figure's value has
 _RELEASE = "release of "
 
 
-def proof_of(problem: Problem, end: float) -> Proof | str:
-    """Prove a problem's motion to a time [s]; a sentence, where that cannot be done."""
+@dataclass(frozen=True)
+class ProvedMotionOfFigures:
+    """A proved motion, and where its extrema are."""
+
+    proof: Proof
+    step: float
+    """Distance from the launch within which extrema are sought [s]."""
+
+    @cached_property
+    def best_release(self) -> ProvedEvent | None:
+        """The release with the longest range."""
+        return self.proof.best_release(self.step)
+
+    @cached_property
+    def fastest(self) -> ProvedEvent | None:
+        """Where the projectile is fastest."""
+        return self.proof.fastest(self.step)
+
+
+def proof_of(problem: Problem, end: float, step: float) -> ProvedMotionOfFigures | str:
+    """Prove a problem's motion to a time [s]; a sentence, where that cannot be done.
+
+    Args:
+        problem: the certificate's.
+        end: of the motion [s].
+        step: distance from the launch within which extrema are sought [s].
+    """
     try:
-        return prove(problem, DIGITS, end)
+        return ProvedMotionOfFigures(prove(problem, DIGITS, end), step)
     except (InputError, SimulationError) as error:
         return str(error)
 
 
-def with_proof(figure: Figure, proof: Proof | str) -> Figure:
+def with_proof(figure: Figure, known: ProvedMotionOfFigures | str) -> Figure:
     """A figure with what is proved of it, or why nothing is.
 
     Raises:
         InputError: the proof contradicts it.
     """
-    found = proof if isinstance(proof, str) else _enclosure(figure, proof)
+    found = known if isinstance(known, str) else _enclosure(figure, known)
     if isinstance(found, str):
         return figure.with_fields(not_proved=found)
     return figure.with_fields(
@@ -36,20 +63,22 @@ def with_proof(figure: Figure, proof: Proof | str) -> Figure:
     )
 
 
-def _enclosure(figure: Figure, proof: Proof) -> Enclosure | str:
-    if figure.name in _EXTREMA:
-        return "it is at an extremum, which a certificate does not enclose"
-    when = _instant(figure, proof)
+def _enclosure(figure: Figure, known: ProvedMotionOfFigures) -> Enclosure | str:
+    when = _instant(figure, known)
+    if when is None and figure.name in _EXTREMA:
+        return "no single maximum is proved"
     if when is None:
         return f"the proved motion has no {figure.at or figure.name}"
     try:
-        return _ENCLOSURES[figure.name](figure, proof, when)
+        return _ENCLOSURES[figure.name](figure, known.proof, when)
     except InputError as error:
         return str(error)
 
 
-def _instant(figure: Figure, proof: Proof) -> Instant | None:
+def _instant(figure: Figure, known: ProvedMotionOfFigures) -> Instant | None:
     """Time or event that a figure belongs to; None: there is no such event."""
+    if figure.name in _EXTREMA:
+        return None if known.proof.motion.launch is None else _EXTREMA[figure.name](figure, known)
     if figure.time is not None:
         return figure.time
     if figure.at == "start":
@@ -59,7 +88,7 @@ def _instant(figure: Figure, proof: Proof) -> Instant | None:
         kind, subject = "launch", None
     elif figure.at.startswith(_RELEASE):
         subject = figure.at.removeprefix(_RELEASE)
-    return _event(proof, kind, subject)
+    return _event(known.proof, kind, subject)
 
 
 def _event(proof: Proof, kind: str, subject: str | None) -> ProvedEvent | None:
@@ -75,16 +104,9 @@ def _time(_: Figure, proof: Proof, when: Instant) -> Enclosure:
     return proof.time_of(when)
 
 
-def _launch_speed(_: Figure, proof: Proof, __: Instant) -> Enclosure:
-    speed = proof.launch_speed
-    if speed is None:
-        raise InputError("no launch is proved")
-    return speed
-
-
 def _position(figure: Figure, proof: Proof, when: Instant) -> Enclosure:
     (x, y), _ = proof.marker(figure.subject or "", when)
-    return x if figure.name == "position_x" else y
+    return y if figure.name == "position_y" else x
 
 
 _ENCLOSURES: dict[str, Callable[[Figure, Proof, Instant], Enclosure]] = {
@@ -92,21 +114,27 @@ _ENCLOSURES: dict[str, Callable[[Figure, Proof, Instant], Enclosure]] = {
     "total_energy": lambda _, proof, t: proof.total_energy(t),
     "release_time": _time,
     "launch_time": _time,
-    "launch_speed": _launch_speed,
+    "launch_speed": lambda _, proof, t: proof.projectile_speed(t),
     "coordinate": lambda figure, proof, t: proof.q(t)[figure.subject or ""],
     "position_x": _position,
     "position_y": _position,
+    "position_x_max": _position,
     "range": lambda _, proof, t: proof.vacuum_range(t),
     "energy_ratio": lambda _, proof, t: proof.energy_ratio(t),
+    "best_release_time": _time,
+    "best_release_angle": lambda _, proof, t: proof.projectile_angle(t),
+    "best_release_speed": lambda _, proof, t: proof.projectile_speed(t),
+    "best_range": lambda _, proof, t: proof.vacuum_range(t),
+    "largest_ratio_time": _time,
+    "largest_ratio": lambda _, proof, t: proof.energy_ratio(t),
 }
-_EXTREMA = (
-    "position_x_max",
-    "best_release_time",
-    "best_release_angle",
-    "best_release_speed",
-    "best_range",
-    "largest_ratio_time",
-    "largest_ratio",
-)
-PROVABLE = frozenset((*_ENCLOSURES, *_EXTREMA))
-"""Names of the figures of which it is known whether they can be proved."""
+_EXTREMA: dict[str, Callable[[Figure, ProvedMotionOfFigures], ProvedEvent | None]] = {
+    "position_x_max": lambda figure, known: known.proof.rightmost(figure.subject or ""),
+    **dict.fromkeys(
+        ("best_release_time", "best_release_angle", "best_release_speed", "best_range"),
+        lambda _, known: known.best_release,
+    ),
+    **dict.fromkeys(("largest_ratio_time", "largest_ratio"), lambda _, known: known.fastest),
+}
+PROVABLE = frozenset(_ENCLOSURES)
+"""Names of the figures that a proof can enclose."""

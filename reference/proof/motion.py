@@ -74,10 +74,10 @@ class LimitError(SimulationError):
 class ProvedEvent:
     """An event, with the state at its time."""
 
-    kind: Kind | Literal["rest"]
-    """Rest: a stop closes after infinitely many impacts."""
+    kind: Kind | Literal["rest", "maximum"]
+    """Rest: a stop closes after infinitely many impacts. Maximum: see :mod:`.extrema`."""
     name: str
-    """Name of the stop, or of the marker that is launched."""
+    """Name of the stop, of the marker that is launched, or of what is largest."""
     time: Ball
     """[s]"""
     q: list[Ball]
@@ -139,7 +139,7 @@ class Phase:
         """
         since, found = t - self.start, list[State]()
         for step in self.steps:
-            low, high = exact(step.start), exact(step.end)
+            low, high = step.span
             if not (since < low or since > high):
                 found.append(step.at(since - low))
         if not found:

@@ -20,7 +20,8 @@ from ...models.errors import InputError, SimulationError
 from ...models.problem import LONGEST, Problem
 from ...models.shown import Shown
 from ..taylor.numbers import PROJECTILE
-from .balls import Ball, as_decimals, precision, rounded
+from .balls import Ball, acb, as_decimals, precision, rounded
+from .extrema import Extrema
 from .mechanics import (
     SolvedForces,
     half_square,
@@ -148,12 +149,7 @@ class Proof(Shown):
     def launch_speed(self) -> Enclosure | None:
         """Speed of the projectile there [m/s]; None: no launch comes."""
         launch = self.motion.launch
-        if launch is None:
-            return None
-        with precision(self.bits):
-            velocity = self.motion.projectile_velocity((launch.q, launch.u))
-            speed = (2 * half_square(velocity)).sqrt()
-        return self._enclosed(speed)
+        return None if launch is None else self.projectile_speed(launch)
 
     def state(self, t: Instant) -> State:
         """Coordinates and speeds at a time in balls; see :meth:`q`."""
@@ -234,6 +230,47 @@ class Proof(Shown):
         if not distance.is_finite():
             raise InputError(f"what is let go at t = {t} does not come back to y = 0.")
         return self._enclosed(distance)
+
+    def projectile_speed(self, t: Instant) -> Enclosure:
+        """Speed of the projectile at a time [m/s]; see :meth:`q`."""
+        state = self.state(t)
+        with precision(self.bits):
+            return self._enclosed((2 * half_square(self.motion.projectile_velocity(state))).sqrt())
+
+    def projectile_angle(self, t: Instant) -> Enclosure:
+        """Angle of its velocity from +x, counter-clockwise, -pi to pi [rad]; see :meth:`q`."""
+        state = self.state(t)
+        with precision(self.bits):
+            return self._enclosed(acb(self.motion.projectile_velocity(state)).arg())
+
+    def rightmost(self, marker: str) -> ProvedEvent | None:
+        """Where x of a marker is largest between start and launch; None: no maximum is proved.
+
+        Raises:
+            InputError: there is no such marker, or no launch is proved.
+        """
+        return self._extremum(lambda extrema: extrema.rightmost(marker))
+
+    def best_release(self, step: float) -> ProvedEvent | None:
+        """The release of the longest flight without air; None: no single maximum is proved.
+
+        Args:
+            step: distance from the launch within which it is sought, after the last release [s].
+
+        Raises:
+            InputError: no launch is proved.
+        """
+        return self._extremum(lambda extrema: extrema.best_release(step))
+
+    def fastest(self, step: float) -> ProvedEvent | None:
+        """Where the projectile is fastest; see :meth:`best_release`."""
+        return self._extremum(lambda extrema: extrema.fastest(step))
+
+    def _extremum(self, find: Callable[[Extrema], ProvedEvent | None]) -> ProvedEvent | None:
+        if self.motion.launch is None:
+            raise InputError("extrema are sought about a launch, and none is proved.")
+        with precision(self.bits):
+            return find(Extrema(self.motion, self.digits))
 
     def energy_ratio(self, t: Instant) -> Enclosure:
         """Kinetic energy of the projectile in parts of the total energy at the start.

@@ -105,6 +105,11 @@ class Step:
         """Since the last event [s]."""
         return self.start + self.length
 
+    @cached_property
+    def span(self) -> tuple[Ball, Ball]:
+        """Its start and its end, exact, since the last event [s]."""
+        return exact(self.start), exact(self.end)
+
     def at(self, t: Ball) -> tuple[list[Ball], list[Ball]]:
         """Coordinates and speeds at a time since the step's start [s]."""
         with precision(BITS):

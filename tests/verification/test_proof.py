@@ -20,7 +20,8 @@ from trebucheck.comparisons.prove import ProofFile
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.reference.certification import certificate as certificates
 from trebucheck.reference.certification.certificate import Certificate
-from trebucheck.reference.certification.proved import with_proof
+from trebucheck.reference.certification.certify import BEYOND_LAUNCH
+from trebucheck.reference.certification.proved import ProvedMotionOfFigures, with_proof
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.proof.balls import arb, as_decimals, exact, precision
 from trebucheck.reference.proof.motion import Limits, ProvedMotion
@@ -188,7 +189,8 @@ def test_dependent_constraints_are_named() -> None:
 def test_certificates_contain_what_is_proved(name: str) -> None:
     text = (CERTIFICATES / f"{name}.json").read_text(encoding="utf-8")
     certificate, proof = Certificate.model_validate_json(text), tb.prove(name, digits=14)
-    held = [with_proof(figure, proof) for figure in certificate.figures]
+    known = ProvedMotionOfFigures(proof, BEYOND_LAUNCH)
+    held = [with_proof(figure, known) for figure in certificate.figures]
     assert sum(figure.proved_value is not None for figure in held) > 35
     assert all(figure.proved_value or figure.not_proved for figure in held)
 

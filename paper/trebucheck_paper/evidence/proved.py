@@ -1,14 +1,12 @@
 """Enclosures of a throw's quantities, from a proof of its motion, and verdicts that they prove.
 
-A quantity at an event or at an instant is read from the proof. One at a maximum (the longest range,
-the largest speed, the counterweight's turning point) is read at the times that the sign of a rate
-leaves: it is positive before them and negative after, proved on intervals that cover the search.
+A quantity at an event, at an instant or at a maximum (the longest range, the largest speed, the
+counterweight's turning point) is read from the proof.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from itertools import pairwise
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from trebucheck.api.mechanics import (
@@ -21,8 +19,8 @@ from trebucheck.api.mechanics import (
     Ball,
     ClosedInterval,
     Enclosure,
+    Extrema,
     Mechanism,
-    Phase,
     Problem,
     Proof,
     Standing,
@@ -31,15 +29,12 @@ from trebucheck.api.mechanics import (
     acb,
     arb,
     as_coordinates,
-    between,
     half_square,
-    hull,
     kinetic_energy,
     potential_energy,
     precision,
     prove,
     range_without_drag,
-    squared,
 )
 
 from . import quantities as of
@@ -48,15 +43,11 @@ from .quantities import Formula, ThrowQuantity
 
 _DIGITS = 12
 _BEYOND = 0.05  # [s] behind the last instant that is read
-_PARTS = 64  # of a search, before those without a sign are halved
-_HALVINGS = 24  # then: 0.2 s are left to 2e-10 s
-_MOST = 400  # intervals without a sign, beyond which there is no single maximum
 _FACTOR = 2.0**-50  # relative: rounding of factors and shifts of formulas, which are doubles
 
 Balls = Mapping[tuple[str, ThrowQuantity], Ball]
 """Enclosures by machine and quantity."""
 _Read = Iterator[tuple[ThrowQuantity, Ball]]
-_Rate = Callable[[Ball], Ball]
 
 
 class Enclosures:
@@ -140,7 +131,9 @@ class _Reader:
         launch = proof.motion.launch
         assert launch is not None, "a machine that does not launch is refused before"
         self.launch = launch
+        self.at_start = self.motion.phases[0].at(arb(0))
         self.at_launch = launch.q, launch.u
+        self.extrema = Extrema(proof.motion, proof.digits)
 
     def read(self) -> _Read:
         """Read all that there are; what is not decided is left out."""
@@ -149,7 +142,7 @@ class _Reader:
                 if event.kind == "release" and event.name == name:
                     yield of.release_time(name), event.time
                     break
-            torque = self.motion.forces(self.motion.phases[0], self._at(arb(0))).torques.get(name)
+            torque = self.motion.forces(self.motion.phases[0], self.at_start).torques.get(name)
             yield of.start_torque(name), arb(0) if torque is None else torque
         yield of.TOTAL_ENERGY, self._energy
         yield of.ENERGY_RATIO, self._ratio(self.at_launch)
@@ -186,121 +179,43 @@ class _Reader:
 
     def _of_the_counterweight(self) -> _Read:
         """Its rightmost point before the launch."""
-
-        def rate(t: Ball) -> Ball:
-            return self.motion.point(COUNTERWEIGHT, self._at(t))[1].real
-
-        end = self.launch.time.lower()
-        low = (end / _PARTS).mid()
-        turn = _falls(rate, low, end)
+        turn = self.extrema.rightmost(COUNTERWEIGHT)
         if turn is None:
             return
-        x = self.motion.point(COUNTERWEIGHT, self._at(turn))[0].real
-        at_first = self.motion.point(COUNTERWEIGHT, self._at(between(arb(0), low)))[0].real
-        if not at_first < x:
-            return
+        x = self.motion.point(COUNTERWEIGHT, (turn.q, turn.u))[0].real
         first, last = (
-            self.motion.point(COUNTERWEIGHT, state)[0]
-            for state in (self._at(arb(0)), self.at_launch)
+            self.motion.point(COUNTERWEIGHT, state)[0] for state in (self.at_start, self.at_launch)
         )
         yield of.RIGHTMOST, x
         yield of.SLANT, (x - first.real) / (first.imag - last.imag)
 
     def _of_the_best_release(self) -> _Read:
-        """The longest flight without air: its rate is the range's by the time of the release."""
-        g = self.mechanism.gravity
-
-        def rate(t: Ball) -> Ball:
-            position, velocity, acceleration = self._accelerated(t)
-            fall = (squared(velocity.imag) + 2 * g * position.imag).sqrt()
-            # fall^2 = vy^2 + 2 g y; T = (vy + fall) / g; R = x + vx T.
-            time = (velocity.imag + fall) / g
-            d_fall = (velocity.imag * acceleration.imag + g * velocity.imag) / fall
-            d_time = (acceleration.imag + d_fall) / g
-            return velocity.real + acceleration.real * time + velocity.real * d_time
-
-        best = _falls(rate, *self._about_the_launch())
+        """The longest flight without air."""
+        best = self.extrema.best_release(BEYOND_LAUNCH)
         if best is None:
             return
-        state = self._at(best)
+        state = best.q, best.u
         velocity = self.motion.point(PROJECTILE, state)[1]
-        angle = acb(velocity).arg()
-        yield of.BEST_TIME, best
-        yield of.BEST_ANGLE, angle
-        yield of.BEST_SPEED, self._speed(state)
         longest = self._range(state)
+        yield of.BEST_TIME, best.time
+        yield of.BEST_ANGLE, acb(velocity).arg()
+        yield of.BEST_SPEED, self._speed(state)
         yield of.BEST_RANGE, longest
         yield of.RANGE_GAIN, longest - self._range(self.at_launch)
-        phi = state[0][self.mechanism.coordinates.index("phi")]
+        phi = best.q[self.mechanism.coordinates.index("phi")]
         yield of.BEST_PHI, phi
         # Absolute angles are positive clockwise: the sling points along (cos phi, -sin phi).
         turned = acb(velocity) * (acb(0, 1) * phi).exp()
         yield of.TO_SLING, abs(turned.arg())
 
     def _of_the_fastest(self) -> _Read:
-        def rate(t: Ball) -> Ball:
-            _, velocity, acceleration = self._accelerated(t)
-            return velocity.real * acceleration.real + velocity.imag * acceleration.imag
-
-        fastest = _falls(rate, *self._about_the_launch())
+        fastest = self.extrema.fastest(BEYOND_LAUNCH)
         if fastest is None:
             return
-        state = self._at(fastest)
-        yield of.FASTEST_TIME, fastest
+        state = fastest.q, fastest.u
+        yield of.FASTEST_TIME, fastest.time
         yield of.LARGEST_RATIO, self._ratio(state)
         yield of.FASTEST_ANGLE, acb(self.motion.point(PROJECTILE, state)[1]).arg()
-
-    def _about_the_launch(self) -> tuple[Ball, Ball]:
-        return self.launch.time.lower() - BEYOND_LAUNCH, self.launch.time.upper() + BEYOND_LAUNCH
-
-    # --- states and what they have
-
-    def _at(self, t: Ball) -> Any:
-        """The least box around the states at the times of a ball [s], of all phases that it meets.
-
-        Raises:
-            ValueError: the ball lies beyond the end of the proof.
-        """
-        found: list[Any] = []
-        phases = self.motion.phases
-        for k, phase in enumerate(phases):
-            last = k + 1 == len(phases)
-            if t < phase.start or (not last and t > phases[k + 1].start):
-                continue
-            if last and not t < phase.end:
-                raise ValueError("beyond the proof")
-            found.append(phase.at(t))
-        return hull(found)
-
-    def _phase_at(self, t: Ball) -> tuple[Phase, Any]:
-        """The phase at the times of a ball [s], and its states.
-
-        A launch changes nothing, so that the steps before it hold for what follows at once.
-
-        Raises:
-            ValueError: the ball lies across another event, or beyond the end of the proof.
-        """
-        phases = self.motion.phases
-        for k, phase in enumerate(phases):
-            following = phases[k + 1] if k + 1 < len(phases) else None
-            goes_on = following is None or t < following.start or following.closed == phase.closed
-            if (k == 0 or t > phase.start) and goes_on and t < phase.end:
-                return phase, phase.at(t)
-        raise ValueError("across an event")
-
-    def _accelerated(self, t: Ball) -> tuple[Any, Any, Any]:
-        """Position, velocity and acceleration of the projectile, x + i y."""
-        phase, state = self._phase_at(t)
-        position, velocity = self.motion.point(PROJECTILE, state)
-        marker = self.mechanism.marker(PROJECTILE)
-        assert marker is not None
-        q, u = map(as_coordinates, state)
-        second = self.kinematics.second_flow(q, u, self.motion.forces(phase, state).accelerations)
-        row = self.kinematics.point(marker.body, marker.point)
-        acceleration: Any = sum(
-            (a * c for a, c in zip(second, row.coefficients, strict=True)), acb(0)
-        )
-        return position, velocity, acceleration
 
     def _speed(self, state: Any) -> Ball:
         return (2 * half_square(self.motion.projectile_velocity(state))).sqrt()
@@ -312,7 +227,7 @@ class _Reader:
     @property
     def _energy(self) -> Ball:
         """Total energy at the start [J]."""
-        q, u = map(as_coordinates, self._at(arb(0)))
+        q, u = map(as_coordinates, self.at_start)
         return kinetic_energy(self.kinematics, q, u) + potential_energy(self.kinematics, q)
 
     def _ratio(self, state: Any) -> Ball:
@@ -322,43 +237,3 @@ class _Reader:
         mass = self.mechanism.thrown_mass(marker)
         assert mass is not None
         return mass * half_square(self.motion.projectile_velocity(state)) / self._energy
-
-
-def _falls(rate: _Rate, low: Ball, high: Ball) -> Ball | None:
-    """Enclose the times at which a function is largest over an interval, by its rate.
-
-    The rate is proved positive on all of the interval before them, and negative after.
-    """
-    ends = [low + (high - low) * k / _PARTS for k in range(_PARTS + 1)]
-    pieces = [(a.mid(), b.mid()) for a, b in pairwise(ends)]
-    signs: list[tuple[Ball, Ball, int]] = []
-    for _ in range(_HALVINGS):
-        undecided: list[tuple[Ball, Ball]] = []
-        for a, b in pieces:
-            sign = _sign(rate, between(a, b))
-            if sign:
-                signs.append((a, b, sign))
-            else:
-                middle = ((a + b) / 2).mid()
-                undecided += [(a, middle), (middle, b)]
-        pieces = undecided
-        if len(pieces) > _MOST:
-            return None
-    if not pieces:
-        return None
-    first, last = min(float(a) for a, _ in pieces), max(float(b) for _, b in pieces)
-    if any(sign != (1 if float(b) <= last and float(a) < first else -1) for a, b, sign in signs):
-        return None
-    lowest = min((a for a, _ in pieces), key=float)
-    highest = max((b for _, b in pieces), key=float)
-    return between(lowest, highest)
-
-
-def _sign(rate: _Rate, t: Ball) -> int:
-    try:
-        value = rate(t)
-    except ValueError:
-        return 0
-    if value > 0:
-        return 1
-    return -1 if value < 0 else 0
