@@ -37,6 +37,7 @@ _PUBLIC = {
     "comparisons.mjcf": "mjcf",
     "comparisons.prove": "prove",
     "comparisons.recommend": "recommend",
+    "comparisons.runs.model_files": "from_mjcf",
     "comparisons.runs.study": "cluster",
     "conformance.check": "check",
     "engines.protocol": "Capabilities Engine",
@@ -44,7 +45,8 @@ _PUBLIC = {
     "models.errors": "EngineNotInstalledError InputError SimulationError TrebucheckError "
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
-    "PointStop PrismaticJoint RotationalSpringDamper SlotJoint SpringDamper Stop WeldJoint",
+    "PointStop PrismaticJoint RotationalSpringDamper RotorInertia SlideSpringDamper SlotJoint "
+    "SpringDamper Stop WeldJoint",
     "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """

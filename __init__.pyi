@@ -12,6 +12,7 @@ from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
 from .comparisons.prove import prove
 from .comparisons.recommend import recommend
+from .comparisons.runs.model_files import from_mjcf
 from .comparisons.runs.study import cluster
 from .conformance.check import check
 from .engines.protocol import Capabilities, Engine
@@ -25,6 +26,8 @@ from .models.elements import (
     PointStop,
     PrismaticJoint,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SlotJoint,
     SpringDamper,
     Stop,
@@ -82,7 +85,9 @@ __all__ = [
     "PrismaticJoint",
     "Problem",
     "RotationalSpringDamper",
+    "RotorInertia",
     "SimulationError",
+    "SlideSpringDamper",
     "SlotJoint",
     "SpringDamper",
     "Stop",
@@ -106,6 +111,7 @@ __all__ = [
     "explain",
     "fixed",
     "floating_arm",
+    "from_mjcf",
     "hinged",
     "horizon",
     "judge",

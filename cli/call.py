@@ -93,6 +93,7 @@ class Call:
             InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is
                 not a mechanism.
         """
+        from ..comparisons.runs.model_files import is_file, read_file
         from ..models.library.registry import library_problem, model
 
         if text is None:
@@ -101,7 +102,7 @@ class Call:
         changed = bool(self.numbers) or self.values.get("beam") is not None
         models: list[Mechanism | Problem] = []
         for name in options.names(text, "--models"):
-            if not name.endswith(".json"):
+            if not is_file(name):
                 parameters = self.parameters(name)
                 models.append(library_problem(name, parameters) or model(name, parameters))
             elif changed:
@@ -109,7 +110,7 @@ class Call:
                     f"--set and --beam are for named machines; {name} holds its own values."
                 )
             else:
-                models.append(Mechanism.load(Path(name)))
+                models.append(read_file(Path(name)))
         return models
 
     def only_model(self) -> Mechanism | Problem:

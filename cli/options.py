@@ -15,7 +15,7 @@ from ..models.errors import InputError
 
 MACHINES = (
     "fixed, rolling, catapult, hinged, floating-arm, a problem (`trebucheck problems`), "
-    "or a .json file"
+    "or a .json, .xml (MJCF) or .urdf file"
 )
 
 

@@ -220,6 +220,7 @@ def data_command(call: Call) -> bool:
     trebucheck data --check
     """
     from ..comparisons.data import certified
+    from ..comparisons.runs.model_files import is_file
     from ..models.files import refuse_unwritable, write_bytes
     from ..models.trajectory import write_dataset
 
@@ -236,7 +237,7 @@ def data_command(call: Call) -> bool:
     model = call.only_model()
     refuse_unwritable(path.parent, path.name)
     name = mechanism_of(model).name
-    if not call.set and not call.name.endswith(".json") and name in certified.published():
+    if not call.set and not is_file(call.name) and name in certified.published():
         write_bytes(path, certified.content(name))
     else:
         with call.worker(isolate=False) as worker:

@@ -107,6 +107,7 @@ def recommend_command(call: Call) -> None:
     """
     from ..comparisons.recommend import recommend
     from ..comparisons.report.pages.recommend import document, files
+    from ..comparisons.runs.model_files import is_file
     from ..models.files import write_text
 
     target = {name: call.values[name] for name in ("position", "torque", "release")}
@@ -116,7 +117,7 @@ def recommend_command(call: Call) -> None:
         )
     model, name = call.only_model(), call.model.strip()
     how = {**call.run_options(), **target, "neighbours": call.neighbours}
-    if not name.endswith(".json"):
+    if not is_file(name):
         # A named machine stays a name: its neighbours have other parameters.
         model, how["parameters"] = name, call.parameters(name)
     store = call.store()

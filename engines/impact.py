@@ -148,7 +148,7 @@ def mass_matrix(kinematics: Kinematics, q: FloatArray) -> FloatArray:
         kinematics.centres, q[..., None, :], kinematics.rates(q)[..., None, :]
     )
     products = (np.swapaxes(jacobian.conj(), -1, -2) * kinematics.masses) @ jacobian
-    return products.real + np.diag(kinematics.inertias)
+    return products.real + kinematics.inertia_matrix
 
 
 @dataclass(frozen=True)

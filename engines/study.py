@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import JsonValue
 
+from ..models.arrays import FloatArray
 from ..models.mechanism import Mechanism
 from .presets import ASSISTED, MEANINGS, PRESETS
 
@@ -284,6 +285,43 @@ _Snippets = Callable[[Any, Mechanism, float], Mapping[str, str]]
 
 
 @dataclass(frozen=True)
+class ModelStates:
+    """Values of an engine's model at n states, in a mechanism's coordinates and names."""
+
+    q: FloatArray
+    """Coordinates, shape (n, n_q)."""
+    u: FloatArray
+    """Speeds, shape (n, n_q)."""
+    a: FloatArray
+    """Accelerations without stops and loops, shape (n, n_q)."""
+    gaps: Mapping[str, FloatArray]
+    """Gap of each stop, shape (n,) [rad or m]."""
+    markers: Mapping[str, FloatArray]
+    """Position of each marker, shape (n, 2) [m]."""
+    loops: Mapping[str, tuple[FloatArray, FloatArray]]
+    """Distance of each loop joint's points [m], and |sin| of half the error of its angle, (n,).
+    """
+
+
+class ModelFile(Protocol):
+    """A model file of an engine as a mechanism, and how its coordinates follow from the file's."""
+
+    @property
+    def mechanism(self) -> Mechanism:
+        """The mechanism that was read."""
+        ...
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Features of the file that the mechanism has not, each in a few words."""
+        ...
+
+    def random_states(self, number: int) -> ModelStates:
+        """The engine's own values at random states, without stops and loops."""
+        ...
+
+
+@dataclass(frozen=True)
 class EngineStudy:
     """Tables of one engine; each default holds for an engine that states nothing."""
 
@@ -301,6 +339,11 @@ class EngineStudy:
     """Whether its state, or what moves it, is rounded to single precision with these options."""
     additions: Callable[[Options], int] = lambda _: 1
     """How often a time step adds to the state with these options: once, or in each substep."""
+    model_files: Mapping[str, Callable[..., ModelFile]] = field(
+        default_factory=dict[str, "Callable[..., ModelFile]"]
+    )
+    """Readers of its model files, by the ending of their names; their arguments are those of
+    :func:`..comparisons.runs.model_files.from_mjcf`."""
     title: str = ""  # as its authors write it; '': its name
     binding: str = ""
     """Distribution by which it is run, and what that is built from, without its version."""

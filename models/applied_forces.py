@@ -19,12 +19,16 @@ from .elements import (
     ConstantTorque,
     CubicTorsionSpring,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from .functions import AngleFunction, PointCoefficients
 from .kinematics import Kinematics
 
-_Rotational = RotationalSpringDamper | CubicTorsionSpring | ConstantTorque
+_Linear = (
+    RotationalSpringDamper | CubicTorsionSpring | ConstantTorque | RotorInertia | SlideSpringDamper
+)
 
 
 @dataclass(frozen=True)
@@ -39,8 +43,8 @@ class AppliedForces:
         return self._along("vector")
 
     @cached_property
-    def rotational(self) -> tuple[tuple[_Rotational, AngleFunction], ...]:
-        """Elements between angles, with the body's angle less the other's."""
+    def rotational(self) -> tuple[tuple[_Linear, AngleFunction], ...]:
+        """Elements between angles, with the body's angle less the other's, or along slides."""
         return self._along("angle")
 
     @cached_property

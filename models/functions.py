@@ -138,7 +138,7 @@ def weighted(w: ComplexArray, coefficients: ComplexArray) -> ComplexArray:
 
 @dataclass(frozen=True)
 class AngleFunction:
-    """A difference of angles, constant + coefficients . q [rad]; its Jacobian is constant."""
+    """A difference of angles [rad], or a slide [m]: constant + coefficients . q."""
 
     constant: float
     coefficients: FloatArray

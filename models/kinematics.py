@@ -123,6 +123,20 @@ class Kinematics(Phasors):
         row.flags.writeable = False  # shared by all callers
         return AngleFunction(constant, row)
 
+    def slide(self, coordinate: str) -> AngleFunction:
+        """A slide coordinate, as a function of all."""
+        row = np.zeros(len(self.is_angle))
+        row[self.tree.coordinates.index(coordinate)] = 1.0
+        row.flags.writeable = False  # shared by all callers
+        return AngleFunction(0.0, row)
+
+    def slide_axis(self, coordinate: str, q: FloatArray) -> ComplexArray:
+        """Direction of a slide in the world, x + i y of length 1, shape (...,)."""
+        slide = next(each for each in self.tree.slides if each.coordinate == coordinate)
+        index, turned = self.attitudes[slide.joint.parent]
+        angle = turned + (np.zeros(q.shape[:-1]) if index is None else q[..., index])
+        return np.asarray(slide.direction * np.exp(-1j * angle))
+
     def component(
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
     ) -> PointFunction | LineFunction:
@@ -193,6 +207,22 @@ class Kinematics(Phasors):
                 inertias[..., index] += body.inertia
         return inertias
 
+    @cached_property
+    def rotor_inertias(self) -> FloatArray | None:
+        """Parts of the mass matrix that are the same in every state, of force elements.
+
+        Shape (..., n_q, n_q) [kg m^2]; None where no element has one.
+        """
+        parts = [element.mass_matrix(self) for element in self.mechanism.force_elements]
+        known = [part for part in parts if part is not None]
+        return np.sum(known, axis=0) if known else None
+
+    @cached_property
+    def inertia_matrix(self) -> FloatArray:
+        """All that is the same in every state in the mass matrix, shape (..., n_q, n_q)."""
+        diagonal = self.inertias[..., None] * np.eye(len(self.is_angle))
+        return diagonal if self.rotor_inertias is None else diagonal + self.rotor_inertias
+
     def momentum(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Linear momentum of all bodies [kg m/s], shape (..., 2)."""
         return as_vectors(weighted(self.flow(q, u, self.rates(q)), self.masses @ self.centres))
@@ -200,7 +230,10 @@ class Kinematics(Phasors):
     def kinetic_energy(self, q: FloatArray, u: FloatArray) -> FloatArray:
         """Kinetic energy [J], shape (...,)."""
         speeds = self.flow(q, u, self.rates(q)) @ self.centres.T
-        return 0.5 * (np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias)
+        doubled = np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias
+        if self.rotor_inertias is not None:
+            doubled = doubled + np.sum((u @ self.rotor_inertias) * u, axis=-1)
+        return 0.5 * doubled
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""

@@ -406,6 +406,10 @@ class Mechanism(Shown, Spec):
                     f"joint {joint.name!r} closes a loop and so has no coordinate of its own"
                 )
         _refuse_repeats("coordinate", self.coordinates)
+        carrying = {joint.child: joint for joint in self.tree_joints}
+        for element in self.force_elements:
+            if element.body in carrying:
+                element.refuse_joint(carrying[element.body])
         return self
 
     @model_validator(mode="after")

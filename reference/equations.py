@@ -4,7 +4,8 @@ With w = (-i e^{-i q}) on angles and 1 on slides (:mod:`..models.phasors`) and K
 over the bodies' centres C, one Hermitian matrix H_ij = conj(w_i) K_ij w_j holds everything
 quadratic:
 
-    M(q)   = Re H + diag(I)                 mass matrix (Re(K_ij e^{i(q_i - q_j)}) for two angles)
+    M(q)   = Re H + diag(I) + sum J g g^T   mass matrix (Re(K_ij e^{i(q_i - q_j)}) for two angles;
+                                            J of rotors on the angles g . q)
     b(q,u) = Im(H) (s u^2),  s = 1 on angles    centrifugal, on the left: M a + b = Q + G^T lam
     Q(q)   = Re(conj(w) (C^H m) (-i g))         gravity
 
@@ -59,7 +60,7 @@ class Equations:
         self._products: ComplexArray = (centres.conj().T * masses) @ centres
         gravity = mechanism.gravity * complex(*mechanism.gravity_direction)
         self._weights: ComplexArray = gravity * (centres.conj().T @ masses)
-        self._inertias = np.diag(self.kinematics.inertias)
+        self._inertias = self.kinematics.inertia_matrix
         self._applied = AppliedForces(self.kinematics) if mechanism.force_elements else None
         self._gaps = self.kinematics.gaps
         self._ranks: dict[tuple[str, ...], int] = {}

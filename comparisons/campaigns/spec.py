@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, JsonValue, model_validator
 from ...engines.presets import DEFAULT
 from ...models.errors import InputError
 from ...models.files import read_bytes
-from ...models.library.registry import model_of
+from ...models.library.registry import is_file, model_of, read_file
 from ...models.mechanism import Mechanism
 from ...models.spec import Name, Positive, Real, Spec, SpecError
 from ..runs.quantities import judged_quantity
@@ -268,8 +268,8 @@ class Campaign(Spec):
         """
         campaign = cls(**dict(given))
         named = campaign.machines.model
-        if isinstance(named, str) and named.endswith(".json"):
-            mechanism = Mechanism.load(folder / named)
+        if isinstance(named, str) and is_file(named):
+            mechanism = read_file(folder / named)
             machines = campaign.machines.model_copy(update={"model": mechanism})
             return campaign.model_copy(update={"machines": machines})
         if named is not None:

@@ -490,4 +490,8 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.ConstantForce: Builder.add_force,
         elements.ConstantTorque: Builder.add_torque,
     },
+    {
+        elements.RotorInertia: "our adapter adds no inertia between two bodies",
+        elements.SlideSpringDamper: "our adapter builds no springs along slides",
+    },
 )

@@ -357,6 +357,8 @@ ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
         elements.CubicTorsionSpring: _cubic_spring_energy,
         elements.ConstantForce: _no_energy,
         elements.ConstantTorque: _no_energy,
+        elements.RotorInertia: _no_energy,
+        elements.SlideSpringDamper: _no_energy,
     },
 )
 """Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""

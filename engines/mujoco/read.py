@@ -73,6 +73,8 @@ TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
         elements.RotationalSpringDamper: lambda: True,
         elements.CubicTorsionSpring: lambda: True,
         elements.ConstantTorque: lambda: True,
+        elements.RotorInertia: lambda: True,
+        elements.SlideSpringDamper: lambda: False,  # forces of joints are not
     },
 )
 """Whether a `force` sensor takes off what an element does to the bodies beyond its joint."""

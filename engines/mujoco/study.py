@@ -163,7 +163,14 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
     return sources
 
 
+def _read_model(source: Any, **how: Any) -> study.ModelFile:
+    from .files import read_model  # loads MuJoCo
+
+    return read_model(source, **how)
+
+
 STUDY = study.EngineStudy(
+    model_files=dict.fromkeys((".xml", ".mjcf", ".urdf"), _read_model),
     causes=_causes,
     swept_parameters=(
         SweptParameter(

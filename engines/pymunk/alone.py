@@ -334,6 +334,10 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.ConstantForce: _Builder.add_force,
         elements.ConstantTorque: _Builder.add_torque,
     },
+    {
+        elements.RotorInertia: "our adapter adds no inertia between two bodies",
+        elements.SlideSpringDamper: "our adapter builds no springs along slides",
+    },
 )
 
 

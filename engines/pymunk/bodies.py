@@ -174,6 +174,8 @@ _TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
         elements.CubicTorsionSpring: ("rest_angle",),
         elements.ConstantForce: (),
         elements.ConstantTorque: (),
+        elements.RotorInertia: (),
+        elements.SlideSpringDamper: (),
     },
 )
 """Fields of elements, besides their points, that depend on their bodies' frames."""

@@ -373,4 +373,8 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.ConstantForce: _Builder.constant_force,
         elements.ConstantTorque: _Builder.constant_torque,
     },
+    {
+        elements.RotorInertia: "our adapter adds no inertia between two bodies",
+        elements.SlideSpringDamper: "our adapter builds no springs along slides",
+    },
 )

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
-from ...models.elements import CubicTorsionSpring
+from ...models.elements import CubicTorsionSpring, RotorInertia, SlideSpringDamper
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -30,7 +30,11 @@ from ..supplied import Assistance
 if TYPE_CHECKING:
     from ...reference.solution import Solution
 
-BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {
+    CubicTorsionSpring,
+    RotorInertia,
+    SlideSpringDamper,
+}
 """Classes of elements that both formulations have; the tests hold it against the second one's."""
 
 # The others are measured against the reference, so only an invariant can judge it here; its figures

@@ -24,6 +24,8 @@ from .pin import PinJoint
 from .point_stop import PointStop
 from .prismatic import PrismaticJoint
 from .rotational_spring_damper import RotationalSpringDamper
+from .rotor_inertia import RotorInertia
+from .slide_spring_damper import SlideSpringDamper
 from .slot import SlotJoint
 from .spring_damper import SpringDamper
 from .weld import WeldJoint
@@ -52,6 +54,8 @@ __all__ = [
     "PointStop",
     "PrismaticJoint",
     "RotationalSpringDamper",
+    "RotorInertia",
+    "SlideSpringDamper",
     "SlotJoint",
     "SpringDamper",
     "Stop",
@@ -68,6 +72,8 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     CubicTorsionSpring,
     ConstantForce,
     ConstantTorque,
+    RotorInertia,
+    SlideSpringDamper,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
 
@@ -90,7 +96,13 @@ Joint = Annotated[AnyJoint, Field(discriminator="kind")]
 
 # In the order of the schemas, in which an element of a later release comes last.
 AnyForceElement = (
-    SpringDamper | RotationalSpringDamper | ConstantForce | ConstantTorque | CubicTorsionSpring
+    SpringDamper
+    | RotationalSpringDamper
+    | ConstantForce
+    | ConstantTorque
+    | CubicTorsionSpring
+    | RotorInertia
+    | SlideSpringDamper
 )
 ForceElement = Annotated[AnyForceElement, Field(discriminator="kind")]
 

@@ -56,6 +56,8 @@ class Feature(StrEnum):
     TORQUE = "constant torques"
     GRAVITY_DIRECTION = "gravity in another direction than downwards"
     CUBIC_SPRING = "torsion springs with a cubic term"
+    ROTOR_INERTIA = "rotor inertias"
+    SLIDE_SPRING = "springs and dampers along slides"
 
 
 class Geometry(Protocol):
@@ -73,6 +75,14 @@ class Geometry(Protocol):
 
     def angle(self, body: str, other: str = GROUND) -> AngleFunction:
         """A body's angle less that of another one."""
+        ...
+
+    def slide(self, coordinate: str) -> AngleFunction:
+        """A slide coordinate [m]."""
+        ...
+
+    def slide_axis(self, coordinate: str, q: FloatArray) -> ComplexArray:
+        """Direction of a slide in the world, x + i y of length 1, shape (...,)."""
         ...
 
     def component(
@@ -305,8 +315,11 @@ class BaseForceElement(Spec):
     ) -> None:
         """Raise ValueError if its force is undefined at the start; arguments as in `component`."""
 
+    def refuse_joint(self, joint: BaseJoint) -> None:
+        """Raise ValueError if it does not fit the joint of its body in the tree."""
+
     def direction(self, geometry: Geometry) -> Direction:
-        """Vector, angle or point that it acts along."""
+        """Vector, angle (or slide) or point that it acts along."""
         raise NotImplementedError(type(self).__name__)
 
     def generalized(
@@ -331,6 +344,10 @@ class BaseForceElement(Spec):
     ) -> FloatArray | float:
         """Energy that it stores [J], shape (...,)."""
         return 0.0
+
+    def mass_matrix(self, geometry: Geometry) -> FloatArray | None:
+        """Its part of the mass matrix, the same in every state, shape (..., n_q, n_q); or None."""
+        return None
 
     def stiffness_at(self, geometry: Geometry, q: FloatArray) -> float:
         """Stiffness along its direction in one state, shape (n_q,) [N/m or N m/rad]; 0 of none."""

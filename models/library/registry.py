@@ -43,7 +43,7 @@ Models = Model | Iterable[Model]
 Start = float | Sequence[float] | Mapping[str, float]
 """Values of all coordinates in their order, or of some by name."""
 
-_LISTED = "a name, the path of a .json file, a Mechanism or a Problem"
+_LISTED = "a name, the path of a file, a Mechanism or a Problem"
 
 
 @dataclass(frozen=True)
@@ -141,11 +141,37 @@ def several(given: Models) -> tuple[str | Mechanism | Problem, ...]:
             read.append(model)
         elif not isinstance(model, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InputError(f"{model!r} is no model; {_LISTED} is needed.")
-        elif isinstance(model, str) and not model.endswith(".json"):
+        elif isinstance(model, str) and not is_file(model):
             read.append(model)
         else:
-            read.append(Mechanism.load(Path(model)))
+            read.append(read_file(Path(model)))
     return tuple(read)
+
+
+_READERS: dict[str, Callable[[Path], Mechanism]] = {".json": Mechanism.load}
+
+
+def read_files_by(suffix: str, reader: Callable[[Path], Mechanism]) -> None:
+    """Have files whose names end in `suffix`, such as ".xml", read by a function."""
+    _READERS[suffix] = reader
+
+
+def is_file(name: str) -> bool:
+    """Tell whether a model's name is that of a file, by its ending."""
+    return Path(name).suffix.lower() in _READERS
+
+
+def read_file(path: Path) -> Mechanism:
+    """The mechanism of a file.
+
+    Raises:
+        InputError: it cannot be read, or its name has another ending.
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(_READERS)
+        raise InputError(f"{path} is no model's file by its ending; read are {known}.")
+    return reader(path)
 
 
 def model_of(given: Model, parameters: Spec | None = None) -> Mechanism | Problem:
@@ -294,7 +320,7 @@ _START = ("start", "start_speeds")  # keywords for any model
 
 def _is_named(given: Model) -> TypeGuard[str]:
     """Tell whether a model is given by its name."""
-    return isinstance(given, str) and not given.endswith(".json")
+    return isinstance(given, str) and not is_file(given)
 
 
 def _fields(name: str) -> tuple[str, ...]:

@@ -27,13 +27,25 @@ from ..elements import (
     ElementTable,
     PointStop,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from ..errors import UnsupportedProblemError
 from ..mechanism import Mechanism
 from ..spec import Vector
 from .appearance import reach_of
-from .tree import add, add_angle_tendon, from_origin, number, numbers, spatial, start_angles
+from .tree import (
+    add,
+    add_angle_tendon,
+    from_origin,
+    hinge_weights,
+    number,
+    numbers,
+    slide_joints,
+    spatial,
+    start_angles,
+)
 from .variants import Numerics
 
 _E = TypeVar("_E")
@@ -270,7 +282,9 @@ class _ForceWriter(Generic[_E]):
     add_sites: Callable[[_E, ET.Element, str, Vector], None] | None = None
     """Sites on a body (or the world), whose frame has an origin."""
     add_tendon: Callable[[_E, ET.Element, Mechanism], None] | None = None
-    add_actuator: Callable[[_E, ET.Element], None] | None = None
+    add_actuator: Callable[[_E, ET.Element, Mechanism], None] | None = None
+    of_joint: Callable[[_E, Mechanism], tuple[str, dict[str, float]]] | None = None
+    """Name of a hinge or slide, and its attributes."""
 
 
 @dataclass(frozen=True)
@@ -280,7 +294,8 @@ class Forces:
     Springs and dampers are tendons: spatial ones between two sites, or fixed ones over the hinges
     between two bodies. A constant force is an actuator on a site with the directions of a site of
     the world, a constant torque one on a fixed tendon; the bias of the actuator is the force, so
-    that it acts without any control.
+    that it acts without any control. A rotor's inertia is the armature of a hinge; a spring, damper
+    or constant force along a slide is the slide's own, the force by an actuator.
 
     Raises:
         UnsupportedProblemError: MJCF cannot express an element; the sentence names it.
@@ -290,7 +305,9 @@ class Forces:
 
     def __post_init__(self) -> None:
         for element in self.mechanism.force_elements:
-            FORCE_WRITERS[element]  # refuses what it does not know
+            writer = FORCE_WRITERS[element]  # refuses what it does not know
+            if writer.of_joint:
+                writer.of_joint(element, self.mechanism)  # refuses what is on several hinges
 
     def _by_class(self) -> Iterator[tuple[Any, _ForceWriter[Any]]]:
         """Elements with their writers, in the order of the table: that of the file."""
@@ -307,6 +324,26 @@ class Forces:
         for force, writer in self._by_class():
             if writer.add_sites:
                 writer.add_sites(force, element, body, origin)
+
+    def of_joint(self, joint: str) -> dict[str, str]:
+        """Attributes of a hinge or slide.
+
+        Raises:
+            UnsupportedProblemError: two elements have one.
+        """
+        attributes: dict[str, str] = {}
+        for force, writer in self._by_class():
+            if not writer.of_joint:
+                continue
+            name, own = writer.of_joint(force, self.mechanism)
+            if name == joint:
+                if not attributes.keys().isdisjoint(own):
+                    raise UnsupportedProblemError(
+                        f"the MJCF writer cannot write {force.name!r}: another element of its kind "
+                        f"is on {joint!r} as well."
+                    )
+                attributes |= {key: number(value) for key, value in own.items()}
+        return attributes
 
     @property
     def needs_tendons(self) -> bool:
@@ -326,7 +363,7 @@ class Forces:
         actuator = add(root, "actuator")
         for force, writer in self._by_class():
             if writer.add_actuator:
-                writer.add_actuator(force, actuator)
+                writer.add_actuator(force, actuator, self.mechanism)
 
 
 def _ends(spring: SpringDamper) -> tuple[str, str]:
@@ -386,7 +423,7 @@ def _add_torque_tendon(torque: ConstantTorque, tendon: ET.Element, mechanism: Me
     add_angle_tendon(tendon, mechanism, torque.bodies, name=_tendon(torque))
 
 
-def _add_torque(torque: ConstantTorque, actuator: ET.Element) -> None:
+def _add_torque(torque: ConstantTorque, actuator: ET.Element, _: Mechanism) -> None:
     name, tendon = torque.name, _tendon(torque)
     add(actuator, "general", _CONSTANT, name=name, tendon=tendon, biasprm=torque.torque)
 
@@ -396,11 +433,39 @@ def _add_force_site(force: ConstantForce, element: ET.Element, body: str, origin
         add(element, "site", name=f"{force.name}/force", pos=from_origin(origin, force.point))
 
 
-def _add_force(force: ConstantForce, actuator: ET.Element) -> None:
+def _add_force(force: ConstantForce, actuator: ET.Element, _: Mechanism) -> None:
     add(
         actuator, "general", _CONSTANT, name=force.name, biasprm="1", site=f"{force.name}/force",
         refsite=_WORLD, gear=f"{spatial(force.force)} 0 0 0",
     )  # fmt: skip
+
+
+def _of_hinge(rotor: RotorInertia, mechanism: Mechanism) -> tuple[str, dict[str, float]]:
+    hinges = hinge_weights(mechanism, *rotor.bodies)
+    if len(hinges) != 1:
+        raise UnsupportedProblemError(
+            f"the MJCF writer cannot write {rotor.name!r}: between its bodies there are "
+            f"{len(hinges)} hinges, and an armature belongs to one."
+        )
+    return next(iter(hinges)), {"armature": rotor.inertia}
+
+
+def _of_slide(spring: SlideSpringDamper, mechanism: Mechanism) -> tuple[str, dict[str, float]]:
+    """Attributes of the slide, whose position is zero at the start."""
+    start = dict(zip(mechanism.coordinates, mechanism.start, strict=True))[spring.coordinate]
+    attributes = {"stiffness": spring.stiffness, "damping": spring.damping}
+    return _slide(spring, mechanism), attributes | {"springref": spring.rest_position - start}
+
+
+def _slide(spring: SlideSpringDamper, mechanism: Mechanism) -> str:
+    joint = mechanism.joint_of(spring.body)
+    return slide_joints(joint)[joint.slides.index(spring.coordinate)]
+
+
+def _add_slide_force(spring: SlideSpringDamper, actuator: ET.Element, mechanism: Mechanism) -> None:
+    if spring.force:
+        joint = _slide(spring, mechanism)
+        add(actuator, "general", _CONSTANT, name=spring.name, joint=joint, biasprm=spring.force)
 
 
 # Sites, tendons and actuators stand in this order in the files.
@@ -413,5 +478,7 @@ FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
         CubicTorsionSpring: _ForceWriter(add_tendon=_angle_spring(_cubic_strength)),
         ConstantForce: _ForceWriter(add_sites=_add_force_site, add_actuator=_add_force),
         ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
+        RotorInertia: _ForceWriter(of_joint=_of_hinge),
+        SlideSpringDamper: _ForceWriter(of_joint=_of_slide, add_actuator=_add_slide_force),
     },
 )

@@ -306,12 +306,14 @@ class _Writer:
             # MuJoCo takes an axis in the child's frame as it stands at the start.
             c, s, (x, y) = math.cos(turn), math.sin(turn), (direction.real, direction.imag)
             axis = spatial((c * x - s * y, s * x + c * y))
-            add(element, "joint", name=name, type="slide", axis=axis)
+            own = self.forces.of_joint(name)
+            add(element, "joint", own, name=name, type="slide", axis=axis)
         if not joint.holds_angle:
             hinge = add(element, "joint", name=joint.name, type="hinge", axis="0 1 0")
             if joint.name in self.ranges:
                 hinge.set("limited", "true")
                 hinge.set("range", numbers(*self.ranges[joint.name]))
+            hinge.attrib |= self.forces.of_joint(joint.name)
         self.appearance.add(element, body, joint.child_point)
         add(element, "site", name=f"{joint.name}/joint")
         self._add_sites(element, body.name, joint.child_point)

@@ -234,6 +234,8 @@ _FORCES: ElementTable[str] = ElementTable(
         elements.CubicTorsionSpring: "cubics",
         elements.ConstantForce: "forces",
         elements.ConstantTorque: "motors",
+        elements.RotorInertia: "rotors",
+        elements.SlideSpringDamper: "slides",
     },
 )
 
@@ -276,6 +278,20 @@ class _AppliedCartesian:
             mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
         )
         self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
+        slides = {slide.coordinate: slide for slide in mechanism.slides}
+        along = [slides[e.coordinate] for e in kinds["slides"]]
+        self._slides = _Components(
+            mechanism,
+            [((s.joint.child, s.joint.child_point), (s.joint.parent, s.joint.parent_point))
+             for s in along],
+            [s.direction for s in along],
+            [s.joint.parent != GROUND for s in along],
+        )  # fmt: skip
+        pushes = [(e.stiffness, e.damping, e.rest_position, e.force) for e in kinds["slides"]]
+        self._slide_data = np.array(pushes, dtype=np.float64).reshape(-1, 4).T
+        rotors = angles("rotors")
+        self.rotors = rotors.T @ (np.array([e.inertia for e in kinds["rotors"]])[:, None] * rotors)
+        """Their part of the mass matrix, shape (3 n_bodies, 3 n_bodies)."""
 
     def generalized(self, x: FloatArray, v: FloatArray) -> FloatArray:
         """Forces and torques on all coordinates, shape (3 n_bodies,) [N, N m]."""
@@ -296,6 +312,11 @@ class _AppliedCartesian:
             linear, cubic, rest = self._cubic_data
             twist = self._cubics @ x - rest
             forces -= (linear * twist + cubic * twist**3) @ self._cubics
+        if len(self._slides):
+            stiffness, damping, rest, constant = self._slide_data
+            rows = self._slides.jacobian(x)
+            stretch = self._slides.values(x) - rest
+            forces += (constant - stiffness * stretch - damping * (rows @ v)) @ rows
         return forces
 
     def potential_energy(self, x: FloatArray) -> float:
@@ -310,6 +331,8 @@ class _AppliedCartesian:
             linear, cubic, rest = self._cubic_data
             twist = self._cubics @ x - rest
             energy += float(linear @ twist**2) / 2 + float(cubic @ twist**4) / 4
+            stiffness, _, rest, _ = self._slide_data
+            energy += float(stiffness @ (self._slides.values(x) - rest) ** 2) / 2
         return energy
 
 
@@ -326,8 +349,8 @@ class RedundantSystem:
         self.n = 3 * len(mechanism.bodies)
         self._index = {body.name: i for i, body in enumerate(mechanism.bodies)}
         masses = [(body.mass, body.mass, body.inertia) for body in mechanism.bodies]
-        self._mass = np.diag(np.ravel(masses))
         self._applied = _AppliedCartesian(mechanism)
+        self._mass = np.diag(np.ravel(masses)) + self._applied.rotors
 
         def components(parts: list[tuple[elements.AnyJoint, complex]]) -> _Components:
             """Components of the vectors from the parents' points to the children's."""

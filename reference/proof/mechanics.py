@@ -12,6 +12,8 @@ from ...models.elements import (
     CubicTorsionSpring,
     ElementTable,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from ...models.functions import weighted
@@ -39,6 +41,8 @@ def kinetic_energy(kinematics: BallKinematics, q: Coordinates, u: Coordinates) -
         total += body.mass * (squared(velocity.real) + squared(velocity.imag))
     for inertia, speed in zip(kinematics.inertias, u, strict=True):
         total += inertia * squared(speed.real)
+    for element in kinematics.mechanism.force_elements:
+        total += _ELEMENTS[element].doubled_kinetic_energy(kinematics, element, u)
     return total / 2
 
 
@@ -99,6 +103,7 @@ class _Element(NamedTuple):
     on_bodies: Callable[
         [BallKinematics, Any, Coordinates, Coordinates], Iterator[tuple[str, Complex]]
     ]
+    doubled_kinetic_energy: Callable[[BallKinematics, Any, Coordinates], Ball]
 
 
 def _length(vector: Complex) -> Ball:
@@ -147,6 +152,31 @@ def _constant_force(
     yield e.body, acb(*e.force)
 
 
+def _rotor_energy(kinematics: BallKinematics, e: RotorInertia, u: Coordinates) -> Ball:
+    """J w^2 [J]."""
+    senses = e.direction(kinematics).coefficients
+    rate = sum((float(g) * speed.real for g, speed in zip(senses, u, strict=True)), arb(0))
+    return e.inertia * squared(rate)
+
+
+def _slide_energy(kinematics: BallKinematics, e: SlideSpringDamper, q: Coordinates) -> Ball:
+    stretch = e.direction(kinematics).value(q).real - e.rest_position
+    return e.stiffness * squared(stretch) / 2
+
+
+def _slide_forces(
+    kinematics: BallKinematics, e: SlideSpringDamper, q: Coordinates, u: Coordinates
+) -> Iterator[tuple[str, Complex]]:
+    slide = e.direction(kinematics)
+    stretch, rate = slide.value(q).real - e.rest_position, slide.value(u).real
+    size = e.force - e.stiffness * stretch - e.damping * rate
+    (joint,) = (j for j in kinematics.mechanism.tree_joints if e.coordinate in j.slides)
+    along = joint.free_directions[joint.slides.index(e.coordinate)]
+    force = size * direction_in_world(kinematics, q, joint.parent, along)
+    yield e.body, force
+    yield e.relative_to, -force
+
+
 def _no_energy(*_: object) -> Ball:
     return arb(0)
 
@@ -159,10 +189,12 @@ _ELEMENTS: ElementTable[_Element] = ElementTable(
     "A proof's energies and joint forces",
     FORCE_ELEMENTS,
     {
-        SpringDamper: _Element(_spring_energy, _spring_forces),
-        RotationalSpringDamper: _Element(_rotational_energy, _no_forces),
-        CubicTorsionSpring: _Element(_cubic_energy, _no_forces),
-        ConstantForce: _Element(_no_energy, _constant_force),
-        ConstantTorque: _Element(_no_energy, _no_forces),
+        SpringDamper: _Element(_spring_energy, _spring_forces, _no_energy),
+        RotationalSpringDamper: _Element(_rotational_energy, _no_forces, _no_energy),
+        CubicTorsionSpring: _Element(_cubic_energy, _no_forces, _no_energy),
+        ConstantForce: _Element(_no_energy, _constant_force, _no_energy),
+        ConstantTorque: _Element(_no_energy, _no_forces, _no_energy),
+        RotorInertia: _Element(_no_energy, _no_forces, _rotor_energy),
+        SlideSpringDamper: _Element(_slide_energy, _slide_forces, _no_energy),
     },
 )

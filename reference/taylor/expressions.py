@@ -309,6 +309,8 @@ class TaylorSystem:
                         forces[self._turning[k]].append(_minus(_times(self.q[k], imaginary)))
         for j, force in (*self._spring_forces(), *self._twist_forces()):
             forces[j].append(force)
+        for i, j, inertia in self._rotor_inertias():
+            _put(matrix, i, j, _total([matrix.get((i, j)), inertia]))
         return matrix, [_total(terms) for terms in forces]
 
     def _mass_terms(self, i: int, j: int, wave: _Pair) -> Iterator[tuple[int, int, Any]]:
@@ -348,7 +350,7 @@ class TaylorSystem:
     def _twist_forces(self) -> Iterator[tuple[int, Any]]:
         """Generalized forces of springs, dampers and motors between angles."""
         for k, row in enumerate(self.structure.twists):
-            stiffness, damping, constant, cubic, middle = self._numbers["twist_data"][:, k]
+            stiffness, damping, constant, cubic, middle, _ = self._numbers["twist_data"][:, k]
             senses = [(j, float(sense)) for j, sense in enumerate(row) if sense]
             angle = _total(self.q[j] * sense for j, sense in senses)
             rate = _total(self.u[j] * sense for j, sense in senses)
@@ -358,6 +360,16 @@ class TaylorSystem:
             torque = _total([constant, *(_minus(_times(factor, x)) for factor, x in parts)])
             for j, sense in senses:
                 yield j, _times(torque, sense)
+
+    def _rotor_inertias(self) -> Iterator[tuple[int, int, Any]]:
+        """Entries J g_i g_j of the mass matrix, i <= j, of rotors on the angles g . q."""
+        for k, row in enumerate(self.structure.twists):
+            inertia = self._numbers["twist_data"][5, k]
+            senses = [(j, float(sense)) for j, sense in enumerate(row) if sense]
+            for i, first in senses:
+                for j, second in senses:
+                    if i <= j and inertia is not None:
+                        yield i, j, _times(inertia, first * second)
 
     @cached_property
     def _constraints(self) -> list[tuple[list[Any], Any]]:

@@ -31,6 +31,8 @@ from ...models.elements import (
     CubicTorsionSpring,
     ElementTable,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from ...models.kinematics import (
@@ -69,7 +71,7 @@ class Structure:
     springs: tuple[bool, ...]
     """Of each spring and damper between points, whether its force depends on its length."""
     twists: tuple[tuple[int, ...], ...]
-    """Gradient of the angle of each spring, damper or motor between angles."""
+    """Gradient of the angle of each spring, damper or motor between angles, or of its slide."""
     closes: bool  # whether stops may close (unilateral law)
     present: tuple[bool, ...]  # which of the numbers are runtime parameters, the others being zero
     throws: bool  # whether there is a projectile, whose launch can be located
@@ -107,7 +109,7 @@ class Structure:
             "springs": (2, n_springs, n_q),
             "spring_offsets": (2, n_springs),
             "spring_data": (3, n_springs),
-            "twist_data": (5, len(self.twists)),
+            "twist_data": (6, len(self.twists)),
         }
 
     # Switches follow the numbers among the parameters.
@@ -205,12 +207,18 @@ def _twist(numbers: Callable[[Any, float], tuple[float, ...]]) -> _AddTerms:
 
 
 def _linear(e: RotationalSpringDamper, constant: float) -> tuple[float, ...]:
-    return e.stiffness, e.damping, e.stiffness * (e.rest_angle - constant), 0.0, 0.0
+    return e.stiffness, e.damping, e.stiffness * (e.rest_angle - constant), 0.0, 0.0, 0.0
 
 
 def _cubic(e: CubicTorsionSpring, constant: float) -> tuple[float, ...]:
     relaxed = e.rest_angle - constant
-    return e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed
+    return e.stiffness, 0.0, e.stiffness * relaxed, e.cubic_stiffness, relaxed, 0.0
+
+
+def _along_slide(terms: _ForceTerms, kinematics: Kinematics, e: SlideSpringDamper) -> None:
+    constant = e.force + e.stiffness * e.rest_position
+    numbers = (e.stiffness, e.damping, constant, 0.0, 0.0, 0.0)
+    terms.twists.append((numbers, kinematics.slide(e.coordinate)))
 
 
 _AddTerms = Callable[[_ForceTerms, Kinematics, Any], None]
@@ -222,7 +230,9 @@ _TERMS: ElementTable[_AddTerms] = ElementTable(
         RotationalSpringDamper: _twist(_linear),
         CubicTorsionSpring: _twist(_cubic),
         ConstantForce: _pull,
-        ConstantTorque: _twist(lambda e, constant: (0.0, 0.0, e.torque, 0.0, 0.0)),
+        ConstantTorque: _twist(lambda e, _: (0.0, 0.0, e.torque, 0.0, 0.0, 0.0)),
+        RotorInertia: _twist(lambda e, _: (0.0, 0.0, 0.0, 0.0, 0.0, e.inertia)),
+        SlideSpringDamper: _along_slide,
     },
 )
 

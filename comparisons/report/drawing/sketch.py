@@ -36,6 +36,8 @@ from ....models.elements import (
     PointStop,
     PrismaticJoint,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SlotJoint,
     SpringDamper,
     Stop,
@@ -485,6 +487,27 @@ def _add_torsion_spring(
     sketch.add("spiral", role, _directions(sketch, element), 6 * sketch.unit)
 
 
+def _add_slide_spring(sketch: Sketch, element: SlideSpringDamper) -> None:
+    """A spring, or a dashpot, from the zero of the slide to the point that slides."""
+    joint = sketch.mechanism.joint_of(element.body)
+    shown = SpringDamper(
+        name=element.name,
+        body=joint.child,
+        point=joint.child_point,
+        relative_to=joint.parent,
+        relative_point=joint.parent_point,
+        stiffness=element.stiffness,
+        damping=element.damping,
+    )
+    _add_spring_damper(sketch, shown)
+
+
+def _add_rotor(sketch: Sketch, element: RotorInertia) -> None:
+    """A disc about the hinge."""
+    pivot = sketch.hinge(element.body, element.relative_to)
+    sketch.add("disc", "mass", (sketch.point(element.body, pivot),), 2 * sketch.unit)
+
+
 def _directions(
     sketch: Sketch, element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque
 ) -> tuple[int, int, int]:
@@ -543,6 +566,8 @@ FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
         CubicTorsionSpring: _add_torsion_spring,
         ConstantForce: _add_force,
         ConstantTorque: _add_torque,
+        RotorInertia: _add_rotor,
+        SlideSpringDamper: _add_slide_spring,
     },
 )
 

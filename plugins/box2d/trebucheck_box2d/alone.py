@@ -27,6 +27,8 @@ from trebucheck.models.elements import (
     CubicTorsionSpring,
     ElementTable,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from trebucheck.models.problem import Problem
@@ -169,5 +171,9 @@ _LOADS: ElementTable[Callable[[Plan, Any], list[str]]] = ElementTable(
         SpringDamper: _spring,
         RotationalSpringDamper: _torsion_spring,
     },
-    {CubicTorsionSpring: "its springs are linear"},
+    {
+        CubicTorsionSpring: "its springs are linear",
+        RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideSpringDamper: "our adapter builds no springs along slides",
+    },
 )

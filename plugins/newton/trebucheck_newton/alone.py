@@ -28,6 +28,8 @@ from trebucheck.models.elements import (
     CubicTorsionSpring,
     ElementTable,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from trebucheck.models.errors import UnsupportedProblemError
@@ -55,6 +57,8 @@ _BUILT: ElementTable[str] = ElementTable(
         SpringDamper: "our adapter builds springs on joints alone",
         ConstantForce: "our adapter builds forces on joints alone",
         CubicTorsionSpring: "our adapter builds linear springs alone",
+        RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideSpringDamper: "our adapter builds no springs along slides",
     },
 )
 

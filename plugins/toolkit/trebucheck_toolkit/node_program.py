@@ -31,6 +31,8 @@ from trebucheck.models.elements import (
     CubicTorsionSpring,
     ElementTable,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SpringDamper,
 )
 from trebucheck.models.problem import Problem
@@ -144,5 +146,9 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
         SpringDamper: _spring,
         RotationalSpringDamper: _torsion_spring,
     },
-    {CubicTorsionSpring: "its springs are linear"},
+    {
+        CubicTorsionSpring: "its springs are linear",
+        RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideSpringDamper: "our adapter builds no springs along slides",
+    },
 )

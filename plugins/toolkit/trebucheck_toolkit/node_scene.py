@@ -30,6 +30,8 @@ from trebucheck.models.elements import (
     PointStop,
     PrismaticJoint,
     RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
     SlotJoint,
     SpringDamper,
     Stop,
@@ -221,5 +223,9 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], Json]] = ElementTable(
         SpringDamper: _spring,
         RotationalSpringDamper: _rotational_spring,
     },
-    {CubicTorsionSpring: "its springs are linear"},
+    {
+        CubicTorsionSpring: "its springs are linear",
+        RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideSpringDamper: "our adapter builds no springs along slides",
+    },
 )

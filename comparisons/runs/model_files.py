@@ -1,0 +1,139 @@
+"""Mechanisms from model files of engines, held against the engine before they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...engines.registry import engine_names, engine_study
+from ...engines.study import ModelFile
+from ...models.errors import EngineNotInstalledError, InputError, SimulationError
+from ...models.kinematics import Kinematics
+from ...models.library.registry import is_file, read_file, read_files_by
+from ...models.mechanism import Mechanism
+from ...reference.equations import Equations
+
+__all__ = ["SUFFIXES", "from_mjcf", "is_file", "read_file", "read_model_file"]
+
+SUFFIXES = (".xml", ".mjcf", ".urdf")
+"""Endings of the names of files that are read here."""
+_STATES = 16  # at which a reading is held against the engine
+_SAME = 1e-9  # by which values may differ, in parts of the largest
+_SMALL = 1e-3  # of the largest acceleration: of smaller ones rounding is that of this
+
+
+def from_mjcf(
+    source: str | Path | Any,
+    *,
+    keyframe: str | int | None = None,
+    qpos: Sequence[float] | None = None,
+    qvel: Sequence[float] | None = None,
+    ctrl: Sequence[float] | None = None,
+    without: Collection[str] = (),
+) -> Mechanism:
+    """Read a planar mechanism from an MJCF or URDF file, as its engine compiles it.
+
+        >>> import trebucheck as tb
+        >>> tb.from_mjcf("cartpole.xml", qpos=[0.0, 0.1])  # doctest: +SKIP
+
+    Angles count clockwise from the model's `qpos0`; slides are the model's own numbers. Contacts
+    are left out. What was read is held against the engine's accelerations at random states.
+
+    Args:
+        source: a path, the text of a file, or a compiled model.
+        keyframe: name or number of the model's keyframe to start from.
+        qpos, qvel: start, in place of the keyframe's or of `qpos0` at rest.
+        ctrl: constant controls, in place of the keyframe's or of zeros.
+        without: features to leave out: "limits", "friction-loss", "fluid", "actuators",
+            "equalities", "tendons".
+
+    Raises:
+        InputError: the file or the start is not valid.
+        UnsupportedProblemError: the model does not move in a plane, or has a feature that
+            mechanisms have not; the sentence names it.
+        EngineNotInstalledError: the engine that compiles such files is not installed.
+    """
+    start = {"keyframe": keyframe, "qpos": qpos, "qvel": qvel, "ctrl": ctrl}
+    return read_model_file(source, without=without, **start).mechanism
+
+
+def read_model_file(source: str | Path | Any, suffix: str = ".xml", **how: Any) -> ModelFile:
+    """Read a mechanism together with how its coordinates follow from the file's; see `from_mjcf`.
+
+    Args:
+        source: as of :func:`from_mjcf`.
+        suffix: kind of the file.
+        how: keywords of :func:`from_mjcf`.
+    """
+    reader = next(
+        (
+            reader
+            for name in engine_names()
+            if (reader := engine_study(name).model_files.get(suffix)) is not None
+        ),
+        None,
+    )
+    if reader is None:
+        raise InputError(f"no engine here reads files of the kind {suffix!r}.")
+    try:
+        read = reader(source, **how)
+    except ImportError as error:
+        raise EngineNotInstalledError(f"a {suffix} file cannot be read: {error}.") from None
+    _refuse_wrong_reading(read)
+    return read
+
+
+def _refuse_wrong_reading(read: ModelFile) -> None:
+    """Hold accelerations, gaps and markers of the mechanism against the engine's own.
+
+    Raises:
+        SimulationError: one differs: the model has something that the reader does not know.
+    """
+    mechanism, states = read.mechanism, read.random_states(_STATES)
+    free = mechanism.model_copy(update={"joints": mechanism.tree_joints, "stops": ()})
+    kinematics = Kinematics(mechanism)
+    accelerations = Equations(free).solve(states.q, states.u, ())[0]
+    pairs = [
+        (f"the acceleration of {name!r}", accelerations[:, k], states.a[:, k])
+        for k, name in enumerate(mechanism.coordinates)
+    ]
+    for stop in mechanism.stops:
+        gap = kinematics.gap(stop.name, states.q)
+        pairs.append((f"the gap of {stop.name!r}", gap, states.gaps[stop.name]))
+    for marker in mechanism.markers:
+        row = kinematics.point(marker.body, marker.point)
+        place, expected = kinematics.position(row, states.q), states.markers[marker.name]
+        pairs += [(f"the place of {marker.name!r}", place[:, k], expected[:, k]) for k in (0, 1)]
+    for joint in mechanism.loop_joints:
+        distance, angle = states.loops[joint.name]
+        vector = kinematics.between(
+            joint.child, joint.child_point, joint.parent, joint.parent_point
+        )
+        apart = np.abs(kinematics.vector(vector, states.q))
+        pairs.append((f"the distance that {joint.name!r} closes", apart, distance))
+        if joint.turned_by is not None:
+            turned = kinematics.angle(joint.child, joint.parent).value(states.q) - joint.turned_by
+            pairs.append((f"the angle of {joint.name!r}", np.abs(np.sin(turned / 2)), angle))
+    largest = float(np.abs(states.a).max())
+    for what, ours, expected in pairs:
+        # Rounding is that of the largest acceleration, or of lengths of 1 m.
+        size = max(float(np.abs(expected).max()), _SMALL * largest, 1.0)
+        off = float(np.abs(ours - expected).max())
+        if not off <= _SAME * size:
+            raise SimulationError(
+                f"{mechanism.name!r} was not read rightly: at random states {what} differs from "
+                f"the engine's by {off:.3g} of {size:.3g}; the model has something that the reader "
+                "does not know."
+            )
+
+
+def _mechanism(path: Path, suffix: str) -> Mechanism:
+    return read_model_file(path, suffix).mechanism
+
+
+for each in SUFFIXES:
+    read_files_by(each, partial(_mechanism, suffix=each))

@@ -1,0 +1,933 @@
+"""A planar mechanism read from a compiled MuJoCo model.
+
+MuJoCo has compiled what is read: classes, defaults, includes, inertias from geoms and frames are
+its business. Every body's frame is turned to the world's at `qpos0`, so that all angles are zero
+there: angles count from that position, clockwise; slides are MuJoCo's own numbers.
+
+What has no counterpart here is refused by its name and place, or left out where that is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...models.arrays import FloatArray
+from ...models.elements import (
+    GROUND,
+    AnyForceElement,
+    AnyJoint,
+    AnyStop,
+    ConstantTorque,
+    FreeJoint,
+    PinJoint,
+    PointStop,
+    PrismaticJoint,
+    RotationalSpringDamper,
+    RotorInertia,
+    SlideSpringDamper,
+    SlotJoint,
+    Stop,
+    WeldJoint,
+)
+from ...models.errors import InputError, UnsupportedProblemError
+from ...models.mechanism import Body, Marker, Mechanism
+from ...models.spec import Vector
+from ..study import ModelStates
+from .compat import mujoco
+
+_ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
+_LONGEST_NAME = 60
+_FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
+_FASTEST = 2.0  # [rad/s, m/s]
+
+CONTACTS = "contacts"
+LEAVABLE: dict[str, str] = {
+    CONTACTS: "contacts between geoms",
+    "limits": "limits of joints and tendons",
+    "friction-loss": "friction loss of joints and tendons",
+    "fluid": "the medium (density, viscosity, wind)",
+    "actuators": "actuators",
+    "equalities": "equality constraints",
+    "tendons": "springs, dampers and limits of tendons",
+}
+"""Features that can be left out of a model, by the word that asks for it."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The plane in which a model moves: unit vectors in MuJoCo's world, each of shape (3,)."""
+
+    x: FloatArray
+    y: FloatArray
+    normal: FloatArray
+    """x cross y."""
+
+    @classmethod
+    def normal_to(cls, axis: FloatArray) -> Plane:
+        """The plane across an axis; y is upwards (z), or MuJoCo's y where the plane is level."""
+        level = abs(axis[2]) > 1.0 - _ALONG
+        up = np.array([0.0, 1.0, 0.0]) if level else np.array([0.0, 0.0, 1.0])
+        up = up - (up @ axis) * axis
+        up /= np.linalg.norm(up)
+        across = np.cross(up, axis)
+        # x points to MuJoCo's x, or to its y where it is across that.
+        sign = across[0] if abs(across[0]) > _ALONG else across[1]
+        return cls(*((across, up, axis) if sign > 0 else (-across, up, -axis)))
+
+    def along(self, slides: Sequence[FloatArray]) -> Plane:
+        """The same plane with its axes along two slides, the one nearest to x along x."""
+        for axis in slides:
+            if abs(axis @ self.x) >= np.sqrt(0.5):
+                x = axis * np.sign(axis @ self.x)
+                return type(self)(x, np.cross(self.normal, x), self.normal)
+        return self
+
+    def vector(self, vector: FloatArray) -> complex:
+        """A vector's part in the plane, x + i y."""
+        return complex(vector @ self.x, vector @ self.y)
+
+    def sense(self, axis: FloatArray) -> int:
+        """1 of an axis about which positive turns are clockwise, -1 of the opposite one."""
+        return -1 if axis @ self.normal > 0 else 1
+
+    @property
+    def name(self) -> str:
+        """Its axes in MuJoCo's world."""
+        parts: list[str] = []
+        for axis in (self.x, self.y):
+            k = int(np.argmax(np.abs(axis)))
+            exact = abs(axis[k] - 1.0) < _ALONG
+            x, y, z = axis
+            parts.append("xyz"[k] if exact else f"({x:.4g}, {y:.4g}, {z:.4g})")
+        return " and ".join(parts)
+
+
+@dataclass(frozen=True)
+class PlanarModel:
+    """A mechanism, and how its coordinates follow from the model that it was read from."""
+
+    mechanism: Mechanism
+    model: Any
+    """MuJoCo's, without what was left out."""
+    plane: Plane
+    rows: FloatArray
+    """C in q = offset + C qpos and u = C qvel, shape (n_q, nv)."""
+    offset: FloatArray
+    """Shape (n_q,) [rad or m]."""
+    ctrl: FloatArray
+    """Controls, constant, shape (nu,)."""
+    limits: Mapping[str, tuple[int, int, float]]
+    """Address in qpos, side (1: lower) and position of each limit, by the stop's name."""
+    sites: Mapping[str, int]
+    """Number of each marker's site."""
+    equalities: Mapping[str, int]
+    """Number of each loop joint's equality."""
+    left_out: tuple[str, ...]
+    """Features of the model that the mechanism has not, each in a few words."""
+
+    def coordinates(self, qpos: FloatArray) -> FloatArray:
+        """Coordinates of MuJoCo's positions, shape (..., n_q)."""
+        return self.offset + qpos @ self.rows.T
+
+    def speeds(self, qvel: FloatArray) -> FloatArray:
+        """Speeds of MuJoCo's velocities, shape (..., n_q)."""
+        return qvel @ self.rows.T
+
+    def random_states(self, number: int) -> ModelStates:
+        """MuJoCo's own values at random states about `qpos0`, without constraints."""
+        model, data = self.model, mujoco.MjData(self.model)
+        random, before = np.random.default_rng(7), model.opt.disableflags
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        found: dict[str, list[FloatArray]] = {"qpos": [], "qvel": [], "qacc": [], "sites": []}
+        closed = list[FloatArray]()
+        try:
+            for _ in range(number):
+                data.qpos[:] = model.qpos0 + random.uniform(-_FARTHEST, _FARTHEST, model.nq)
+                data.qvel[:] = random.uniform(-_FASTEST, _FASTEST, model.nv)
+                data.ctrl[:] = self.ctrl
+                mujoco.mj_forward(model, data)
+                for name, values in (("qpos", data.qpos), ("qvel", data.qvel), ("qacc", data.qacc)):
+                    found[name].append(np.array(values))
+                found["sites"].append(np.array(data.site_xpos).reshape(-1, 3))
+                closed.append(self._loops(data))
+        finally:
+            model.opt.disableflags = before
+        qpos, qvel, qacc, sites = (np.array(values) for values in found.values())
+        axes = np.stack([self.plane.x, self.plane.y], axis=1)
+        return ModelStates(
+            q=self.coordinates(qpos),
+            u=self.speeds(qvel),
+            a=self.speeds(qacc),
+            gaps={
+                name: side * (qpos[:, address] - limit)
+                for name, (address, side, limit) in self.limits.items()
+            },
+            markers={name: sites[:, site] @ axes for name, site in self.sites.items()},
+            loops={
+                name: (np.array(closed)[:, k, 0], np.array(closed)[:, k, 1])
+                for k, name in enumerate(self.equalities)
+            },
+        )
+
+    def _loops(self, data: Any) -> FloatArray:
+        """MuJoCo's residuals of the equalities at a state, as distance and |sin| of half an angle.
+
+        Shape (n_equalities, 2).
+        """
+        model, residuals = self.model, np.zeros((len(self.equalities), 2))
+        before = model.opt.disableflags
+        flags = mujoco.mjtDisableBit
+        model.opt.disableflags = (before & ~int(flags.mjDSBL_CONSTRAINT)) | flags.mjDSBL_LIMIT
+        mujoco.mj_forward(model, data)
+        for k, index in enumerate(self.equalities.values()):
+            is_row = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+            rows = np.array(data.efc_pos)[is_row & (data.efc_id == index)]
+            residuals[k, 0] = np.linalg.norm(rows[:3])
+            if len(rows) > 3:  # a weld
+                residuals[k, 1] = np.linalg.norm(rows[3:]) / model.eq_data[index, 10]
+        model.opt.disableflags = before
+        return residuals
+
+
+def planar_model(
+    model: Any,
+    name: str,
+    *,
+    qpos: FloatArray | None = None,
+    qvel: FloatArray | None = None,
+    ctrl: FloatArray | None = None,
+    without: Collection[str] = (),
+) -> PlanarModel:
+    """Read a compiled model.
+
+    Args:
+        model: MuJoCo's; what is left out is removed from it.
+        name: of the mechanism.
+        qpos: of the start, shape (nq,); `qpos0` if left out.
+        qvel: of the start, shape (nv,); at rest if left out.
+        ctrl: constant controls, shape (nu,); zeros if left out.
+        without: what to leave out, keys of :data:`LEAVABLE`; contacts always are.
+
+    Raises:
+        InputError: a start is of the wrong length or not finite, or starts beyond a limit.
+        UnsupportedProblemError: the model does not move in a plane, or has a feature that
+            mechanisms have not; the sentence names it.
+    """
+    given = (
+        _given("qpos", qpos, np.array(model.qpos0)),
+        _given("qvel", qvel, np.zeros(model.nv)),
+        _given("ctrl", ctrl, np.zeros(model.nu)),
+    )
+    unknown = set(without) - LEAVABLE.keys()
+    if unknown:
+        raise InputError(
+            f"{min(unknown)!r} cannot be left out; what can be is {', '.join(LEAVABLE)}."
+        )
+    return _Reader(model, name, *given, frozenset(without) | {CONTACTS}).read()
+
+
+def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray:
+    if value is None:
+        return usual
+    values = np.asarray(value, dtype=np.float64)
+    if values.shape != usual.shape:
+        raise InputError(f"{what} has the shape {values.shape}; this model's is {usual.shape}.")
+    if not np.isfinite(values).all():
+        raise InputError(f"{what} = {values.tolist()} must be finite.")
+    return values
+
+
+class _Names:
+    """Names for a mechanism: MuJoCo's, where they are names here, and once each."""
+
+    def __init__(self) -> None:
+        self._used: set[str] = {GROUND}
+
+    def new(self, wanted: str, otherwise: str) -> str:
+        """A name that is not used yet."""
+        base = re.sub(r"[^A-Za-z0-9_ \-]", "_", wanted)[:_LONGEST_NAME] or otherwise
+        base = base if base[0].isalpha() else f"n{base}"
+        name, k = base, 1
+        while name in self._used:
+            k += 1
+            name = f"{base} {k}"
+        self._used.add(name)
+        return name
+
+
+@dataclass
+class _Reader:
+    model: Any
+    name: str
+    qpos: FloatArray
+    qvel: FloatArray
+    ctrl: FloatArray
+    without: frozenset[str]
+    left_out: list[str] = field(default_factory=list[str])
+    bodies: list[Body] = field(default_factory=list[Body])
+    joints: list[AnyJoint] = field(default_factory=list[AnyJoint])
+    stops: list[AnyStop] = field(default_factory=list[AnyStop])
+    forces: list[AnyForceElement] = field(default_factory=list[AnyForceElement])
+    home: dict[int, str] = field(default_factory=dict[int, str])
+    """The body here, or the ground, that each of MuJoCo's bodies moves with."""
+    origin: dict[str, complex] = field(default_factory=lambda: {GROUND: 0j})
+    """Origin of each body's frame, at `qpos0`."""
+    angle: dict[str, tuple[FloatArray, float]] = field(
+        default_factory=dict[str, tuple[FloatArray, float]]
+    )
+    """Angle of each body by qpos: a row and a constant."""
+    limits: dict[str, tuple[int, int, float]] = field(
+        default_factory=dict[str, tuple[int, int, float]]
+    )
+    sites: dict[str, int] = field(default_factory=dict[str, int])
+    equalities: dict[str, int] = field(default_factory=dict[str, int])
+    slides: list[tuple[str, FloatArray, float]] = field(
+        default_factory=list[tuple[str, FloatArray, float]]
+    )
+
+    def read(self) -> PlanarModel:
+        """Read all."""
+        self._refuse_features()
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[:] = self.model.qpos0
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        self.plane = self._plane()
+        self.names, self.points = _Names(), _Names()
+        self.joint_names = _Names()
+        self.element_names, self.stop_names = _Names(), _Names()
+        self.angle[GROUND] = np.zeros(self.model.nq), 0.0
+        self.home[0] = GROUND
+        for body in range(1, self.model.nbody):
+            self._add_body(body)
+        if not self.bodies:
+            raise UnsupportedProblemError(f"{self.name!r} has no joint: nothing in it moves.")
+        self._add_equalities()
+        self._add_actuators()
+        rows, offset = self._coordinates()
+        gravity = self._gravity()
+        size = abs(gravity)
+        mechanism = Mechanism(
+            name=self.name,
+            bodies=tuple(self.bodies),
+            joints=tuple(self.joints),
+            stops=tuple(self.stops),
+            markers=tuple(self._markers()),
+            force_elements=tuple(self.forces),
+            gravity=size,
+            gravity_direction=_unit(gravity / size) if size else (0.0, -1.0),
+            start=tuple((offset + rows @ self.qpos).tolist()),
+            start_speeds=tuple((rows @ self.qvel).tolist()) if self.qvel.any() else (),
+        )
+        return PlanarModel(
+            mechanism, self.model, self.plane, rows, offset, self.ctrl, self.limits, self.sites,
+            self.equalities, tuple(self.left_out),
+        )  # fmt: skip
+
+    # --- features
+
+    def _refuse_features(self) -> None:
+        """Refuse what no mechanism has, or leave it out of the model."""
+        model, option = self.model, self.model.opt
+        present: list[tuple[str, str | None, bool, Callable[[], None] | None]] = [
+            ("flexible bodies", None, model.nflex > 0, None),
+            ("plug-ins", None, model.nplugin > 0, None),
+            ("compensation of gravity", None, bool(np.any(model.body_gravcomp)), None),
+            (
+                "a medium (density, viscosity or wind)", "fluid",
+                bool(option.density or option.viscosity or np.any(option.wind)),
+                self._without_fluid,
+            ),
+            (
+                "friction loss", "friction-loss",
+                bool(np.any(model.dof_frictionloss) or np.any(model.tendon_frictionloss)),
+                self._without_friction_loss,
+            ),
+        ]  # fmt: skip
+        for what, word, is_there, leave_out in present:
+            if is_there and (word is None or word not in self.without):
+                hint = f"; --without {word} leaves it out" if word else ""
+                raise UnsupportedProblemError(
+                    f"{self.name!r} has {what}, which no mechanism has{hint}."
+                )
+            if is_there and leave_out:
+                leave_out()
+                self.left_out.append(what)
+        if self._has_contacts():
+            self.left_out.append("contacts: they may end what is compared")
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+
+    def _without_fluid(self) -> None:
+        option = self.model.opt
+        option.density = option.viscosity = 0.0
+        option.wind[:] = 0.0
+
+    def _without_friction_loss(self) -> None:
+        self.model.dof_frictionloss[:] = 0.0
+        self.model.tendon_frictionloss[:] = 0.0
+
+    def _has_contacts(self) -> bool:
+        """Tell whether any two geoms may touch."""
+        model = self.model
+        if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+            return False
+        types, affinities = model.geom_contype, model.geom_conaffinity
+        pairs = (types[:, None] & affinities[None, :]) | (affinities[:, None] & types[None, :])
+        apart = model.geom_bodyid[:, None] != model.geom_bodyid[None, :]
+        moving = (model.body_weldid[model.geom_bodyid] != 0)[:, None]
+        return model.npair > 0 or bool(np.any((pairs != 0) & apart & moving))
+
+    def _is_on(self, flag: str) -> bool:
+        return not self.model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
+
+    def _gravity(self) -> complex:
+        gravity = np.array(self.model.opt.gravity) if self._is_on("GRAVITY") else np.zeros(3)
+        in_plane = self.plane.vector(gravity)
+        return 0j if abs(in_plane) < _ALONG * np.linalg.norm(gravity) else in_plane
+
+    # --- the plane
+
+    def _plane(self) -> Plane:
+        """The plane that all joints move in.
+
+        Raises:
+            UnsupportedProblemError: one leaves it; it is named.
+        """
+        hinges, slides = list[int](), list[int]()
+        kinds = mujoco.mjtJoint
+        for joint in range(self.model.njnt):
+            kind = self.model.jnt_type[joint]
+            if kind == kinds.mjJNT_HINGE:
+                hinges.append(joint)
+            elif kind == kinds.mjJNT_SLIDE:
+                slides.append(joint)
+            else:
+                word = "free" if kind == kinds.mjJNT_FREE else "ball"
+                raise self._leaves(joint, f"a {word} joint, which leaves every plane")
+        plane = Plane.normal_to(self._normal(hinges, slides))
+        for joint in hinges:
+            if np.linalg.norm(np.cross(self._axis(joint), plane.normal)) > _ALONG:
+                raise self._leaves(joint, "whose axis is not across the plane of the others")
+        for joint in slides:
+            if abs(self._axis(joint) @ plane.normal) > _ALONG:
+                raise self._leaves(joint, "a slide that leaves the plane of the others")
+        return plane.along(self._slides_of_a_free_body())
+
+    def _normal(self, hinges: Sequence[int], slides: Sequence[int]) -> FloatArray:
+        if hinges:
+            return self._axis(hinges[0])
+        axes = [self._axis(joint) for joint in slides]
+        gravity = np.array(self.model.opt.gravity)
+        size = np.linalg.norm(gravity)
+        # One direction has many planes: that with gravity in it, or with MuJoCo's z or x.
+        beside = [*axes[1:], *([gravity / size] if size else []), *np.eye(3)[[2, 0]]]
+        for other in beside if axes else ():
+            normal = np.cross(axes[0], other)
+            if np.linalg.norm(normal) > 1e-6:
+                return normal / np.linalg.norm(normal)
+        return np.array([0.0, -1.0, 0.0])
+
+    def _slides_of_a_free_body(self) -> list[FloatArray]:
+        """Axes of the first body with two slides and a hinge in the world."""
+        model = self.model
+        for body in range(1, model.nbody):
+            first = int(model.body_jntadr[body])
+            if model.body_jntnum[body] == 3 and model.body_weldid[model.body_parentid[body]] == 0:
+                return [self._axis(joint) for joint in (first, first + 1)]
+        return []
+
+    def _axis(self, joint: int) -> FloatArray:
+        return np.array(self.data.xaxis[joint])
+
+    def _leaves(self, joint: int, why: str) -> UnsupportedProblemError:
+        body = self._mujoco_name("body", int(self.model.jnt_bodyid[joint]))
+        return UnsupportedProblemError(
+            f"{self.name!r} does not move in a plane: the body {body!r} has "
+            f"{self._mujoco_name('joint', joint)!r}, {why}."
+        )
+
+    def _mujoco_name(self, kind: str, index: int) -> str:
+        return getattr(self.model, kind)(index).name or f"{kind} {index}"
+
+    # --- bodies and joints
+
+    def _at(self, point: FloatArray) -> complex:
+        """A point of MuJoCo's world at `qpos0`, in the plane."""
+        return self.plane.vector(np.asarray(point))
+
+    def _in(self, body: str, at: complex) -> Vector:
+        """A point of the plane at `qpos0`, in a body's frame."""
+        return _vector(at - self.origin[body])
+
+    def _add_body(self, body: int) -> None:
+        model, data = self.model, self.data
+        parent = self.home[int(model.body_parentid[body])]
+        joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+        mass = float(model.body_mass[body])
+        if not joints and (parent == GROUND or not mass):
+            self.home[body] = parent
+            return
+        own = self.names.new(model.body(body).name, f"body {body}")
+        self.home[body], self.origin[own] = own, self._at(data.xpos[body])
+        self.angle[own] = self.angle[parent]
+        turns = self._join(own, parent, list(joints), body)
+        if not mass > 0:
+            raise UnsupportedProblemError(
+                f"{self.name!r}: the body {own!r} moves and has no mass, and every body here has."
+            )
+        about = np.array(data.ximat[body]).reshape(3, 3).T @ self.plane.normal
+        self.bodies.append(
+            Body(
+                name=own,
+                angle=turns,
+                mass=mass,
+                centre=self._in(own, self._at(data.xipos[body])),
+                inertia=float(about**2 @ model.body_inertia[body]),
+            )
+        )
+
+    def _join(self, own: str, parent: str, joints: list[int], body: int) -> str | None:
+        """Add the joint of a body to its parent; the name of its angle, or None."""
+        kinds = [int(self.model.jnt_type[joint]) for joint in joints]
+        hinge, slide = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+        if not joints:
+            at = self.origin[own]
+            self.joints.append(
+                WeldJoint(
+                    name=self.joint_names.new(f"{own} weld", ""), parent=parent, child=own,
+                    parent_point=self._in(parent, at), child_point=self._in(own, at),
+                )
+            )  # fmt: skip
+            return None
+        names = [self._joint_name(joint) for joint in joints]
+        anchor = self._at(self.data.xanchor[joints[-1]])
+        ends: dict[str, Any] = {"parent": parent, "child": own, "name": names[-1]}
+        ends["child_point"] = self._in(own, anchor)
+        turns: str | None = None
+        if kinds[-1] == hinge:
+            turns = names[-1]
+            self._turn(own, joints[-1])
+        match kinds:
+            case [k] if k == hinge:
+                self.joints.append(PinJoint(**ends, parent_point=self._in(parent, anchor)))
+            case [k] if k == slide:
+                self.joints.append(PrismaticJoint(**ends, **self._line(parent, joints[0], anchor)))
+            case [k, m] if (k, m) == (slide, hinge):
+                ends["name"] = self.joint_names.new(f"{own} joint", "")
+                self.joints.append(SlotJoint(**ends, **self._line(parent, joints[0], anchor)))
+            case [k, m, n] if (k, m, n) == (slide, slide, hinge) and parent == GROUND:
+                ends["name"] = self.joint_names.new(f"{own} joint", "")
+                self.joints.append(FreeJoint(**ends, **self._free(joints[:2], anchor)))
+            case _:
+                words = ", ".join(
+                    f"{n!r} ({'hinge' if k == hinge else 'slide'})"
+                    for n, k in zip(names, kinds, strict=True)
+                )
+                raise UnsupportedProblemError(
+                    f"{self.name!r}: the body {own!r} has the joints {words}; read are one hinge, "
+                    "one slide, a slide and a hinge, and two slides and a hinge in the world."
+                )
+        for joint, name in zip(joints, names, strict=True):
+            self._add_properties(joint, name, own, parent, self.joints[-1])
+        return turns
+
+    def _joint_name(self, joint: int) -> str:
+        return self.joint_names.new(self.model.joint(joint).name, f"joint {joint}")
+
+    def _turn(self, own: str, joint: int) -> None:
+        row, constant = self.angle[own]
+        address, sense = int(self.model.jnt_qposadr[joint]), self.plane.sense(self._axis(joint))
+        turned = row.copy()
+        turned[address] += sense
+        self.angle[own] = turned, constant - sense * float(self.model.qpos0[address])
+
+    def _line(self, parent: str, joint: int, anchor: complex) -> dict[str, Any]:
+        """Fields of a joint along a slide, whose coordinate is MuJoCo's."""
+        axis = self.plane.vector(self._axis(joint))
+        address, name = int(self.model.jnt_qposadr[joint]), self.model.joint(joint).name
+        coordinate = self._coordinate(name, f"slide {joint}")
+        row = np.zeros(self.model.nq)
+        row[address] = 1.0
+        self.slides.append((coordinate, row, 0.0))
+        zero = anchor - float(self.model.qpos0[address]) * axis
+        return {
+            "axis": _unit(axis),
+            "coordinate": coordinate,
+            "parent_point": self._in(parent, zero),
+        }
+
+    def _free(self, joints: Sequence[int], anchor: complex) -> dict[str, Any]:
+        """Fields of a free joint: x and y are sums of two slides that are across each other."""
+        axes = [self.plane.vector(self._axis(joint)) for joint in joints]
+        if abs((axes[0] * axes[1].conjugate()).real) > _ALONG:
+            raise UnsupportedProblemError(
+                f"{self.name!r}: the slides {self._mujoco_name('joint', joints[0])!r} and "
+                f"{self._mujoco_name('joint', joints[1])!r} are not at right angles."
+            )
+        rows, zero = np.zeros((2, self.model.nq)), anchor
+        for joint, axis in zip(joints, axes, strict=True):
+            address = int(self.model.jnt_qposadr[joint])
+            rows[:, address] = axis.real, axis.imag
+            zero -= float(self.model.qpos0[address]) * axis
+        first = 0 if abs(axes[0].real) >= abs(axes[1].real) else 1  # that along x
+        names = [
+            self._coordinate(self.model.joint(joints[k]).name, f"slide {joints[k]}")
+            for k in (first, 1 - first)
+        ]
+        self.slides += [(name, row, 0.0) for name, row in zip(names, rows, strict=True)]
+        return {"coordinates": tuple(names), "parent_point": self._in(GROUND, zero)}
+
+    def _coordinate(self, wanted: str, otherwise: str) -> str:
+        taken = {name for name, *_ in self.slides}
+        name = re.sub(r"[^A-Za-z0-9_ \-]", "_", wanted)[:_LONGEST_NAME] or otherwise
+        name = name if name[0].isalpha() else f"n{name}"
+        return f"{name} {len(taken)}" if name in taken else name
+
+    def _coordinates(self) -> tuple[FloatArray, FloatArray]:
+        """C and the offset of q = offset + C qpos."""
+        turning = [self.angle[body.name] for body in self.bodies if body.angle is not None]
+        parts = [*turning, *((row, constant) for _, row, constant in self.slides)]
+        return np.array([row for row, _ in parts]), np.array([value for _, value in parts])
+
+    def _markers(self) -> Iterator[Marker]:
+        for site in range(self.model.nsite):
+            body = self.home[int(self.model.site_bodyid[site])]
+            at = self._in(body, self._at(self.data.site_xpos[site]))
+            name = self.points.new(self.model.site(site).name, f"site {site}")
+            self.sites[name] = site
+            yield Marker(name=name, body=body, point=at)
+
+    # --- what joints have
+
+    def _add_properties(self, joint: int, name: str, own: str, parent: str, made: AnyJoint) -> None:
+        model, address = self.model, int(self.model.jnt_dofadr[joint])
+        poly = [
+            np.any(getattr(model, kind)[k])
+            for kind, k in (("jnt_stiffnesspoly", joint), ("dof_dampingpoly", address))
+            if hasattr(model, kind)
+        ]
+        if any(poly):
+            raise self._lacks(f"the joint {name!r} has a nonlinear spring or damper")
+        if model.jnt_actfrclimited[joint]:
+            raise self._lacks(f"the joint {name!r} limits the force of its actuators")
+        stiffness = float(model.jnt_stiffness[joint]) if self._is_on("SPRING") else 0.0
+        damping = float(model.dof_damping[address]) if self._is_on("DAMPER") else 0.0
+        armature = float(model.dof_armature[address])
+        reference = float(model.qpos_spring[model.jnt_qposadr[joint]])
+        if self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+            self._of_hinge(joint, name, (own, parent), stiffness, damping, armature, reference)
+            return
+        if armature:
+            raise self._lacks(f"the slide {name!r} has an armature")
+        self._of_slide(joint, name, (own, parent), stiffness, damping, reference, made)
+
+    def _lacks(self, what: str) -> UnsupportedProblemError:
+        return UnsupportedProblemError(f"{self.name!r}: {what}, which no mechanism has.")
+
+    def _of_hinge(
+        self,
+        joint: int,
+        name: str,
+        bodies: tuple[str, str],
+        stiffness: float,
+        damping: float,
+        armature: float,
+        reference: float,
+    ) -> None:
+        own, parent = bodies
+        between: dict[str, Any] = {"body": own, "relative_to": parent}
+        zero = float(self.model.qpos0[self.model.jnt_qposadr[joint]])
+        sense = self.plane.sense(self._axis(joint))
+        if stiffness or damping:
+            self.forces.append(
+                RotationalSpringDamper(
+                    name=self._spring_name(name, stiffness), **between,
+                    stiffness=stiffness, damping=damping, rest_angle=sense * (reference - zero),
+                )
+            )  # fmt: skip
+        if armature:
+            rotor = self.element_names.new(f"{name} rotor", "")
+            self.forces.append(RotorInertia(name=rotor, **between, inertia=armature))
+        value = float(self.qpos[self.model.jnt_qposadr[joint]])
+        for side, limit in self._limits(joint):
+            # sense * (q_own - q_parent) is qpos - qpos0.
+            gap = side * (value - limit)
+            self.stops.append(
+                Stop(
+                    name=self._noted_limit(joint, name, side, limit), **between,
+                    sense=_sign(side * sense), limit=side * (limit - zero),
+                    closed=self._closed(name, gap),
+                )
+            )  # fmt: skip
+
+    def _of_slide(
+        self,
+        joint: int,
+        name: str,
+        bodies: tuple[str, str],
+        stiffness: float,
+        damping: float,
+        reference: float,
+        made: AnyJoint,
+    ) -> None:
+        own, parent = bodies
+        axis = self.plane.vector(self._axis(joint))
+        if stiffness or damping:
+            k = max(range(len(made.slides)), key=lambda k: abs(_dot(made.free_directions[k], axis)))
+            along = _dot(made.free_directions[k], axis)
+            if abs(abs(along) - 1.0) > _ALONG:
+                raise self._lacks(f"the slide {name!r} has a spring or damper and is oblique")
+            self.forces.append(
+                SlideSpringDamper(
+                    name=self._spring_name(name, stiffness), body=own, relative_to=parent,
+                    coordinate=made.slides[k], stiffness=stiffness, damping=damping,
+                    rest_position=_sign(along) * reference,
+                )
+            )  # fmt: skip
+        value = float(self.qpos[self.model.jnt_qposadr[joint]])
+        zero = complex(*made.parent_point)
+        for side, limit in self._limits(joint):
+            self.stops.append(
+                PointStop(
+                    name=self._noted_limit(joint, name, side, limit), body=own,
+                    point=made.child_point, relative_to=parent, normal=_unit(side * axis),
+                    offset=side * (_dot(zero, axis) + limit),
+                    closed=self._closed(name, side * (value - limit)),
+                )
+            )  # fmt: skip
+
+    def _spring_name(self, joint: str, stiffness: float) -> str:
+        return self.element_names.new(f"{joint} {'spring' if stiffness else 'damper'}", "")
+
+    def _limits(self, joint: int) -> Iterator[tuple[int, float]]:
+        """Side (1 of the lower end) and position of each limit."""
+        if not self.model.jnt_limited[joint] or not self._is_on("LIMIT"):
+            return
+        if "limits" in self.without:
+            self.model.jnt_limited[joint] = 0
+            self.left_out.append(f"limits of {self._mujoco_name('joint', joint)!r}")
+            return
+        low, high = map(float, self.model.jnt_range[joint])
+        yield 1, low
+        yield -1, high
+
+    def _noted_limit(self, joint: int, name: str, side: int, limit: float) -> str:
+        """Note a limit; the name of its stop."""
+        stop = self.stop_names.new(f"{name} {'lower' if side > 0 else 'upper'} limit", "")
+        self.limits[stop] = int(self.model.jnt_qposadr[joint]), side, limit
+        return stop
+
+    def _closed(self, joint: str, gap: float) -> bool:
+        if gap < -1e-12:
+            raise InputError(
+                f"{self.name!r} starts beyond a limit of {joint!r}, by {-gap:.3g}; give a start "
+                "within its limits (qpos, or a keyframe), or leave the limits out."
+            )
+        return abs(gap) <= 1e-12
+
+    # --- equalities
+
+    def _add_equalities(self) -> None:
+        model = self.model
+        for k in range(model.neq):
+            name = self._mujoco_name("equality", k)
+            if not model.eq_active0[k] or not self._is_on("EQUALITY"):
+                continue
+            if "equalities" in self.without:
+                model.eq_active0[k] = 0
+                self.left_out.append(f"equality {name!r}")
+                continue
+            kind = mujoco.mjtEq(int(model.eq_type[k]))
+            of_bodies = model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_BODY
+            if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD) or not of_bodies:
+                word = kind.name.removeprefix("mjEQ_").lower()
+                raise self._lacks(f"the equality {name!r} of the kind {word!r}")
+            self._add_loop(k, name, is_weld=kind == mujoco.mjtEq.mjEQ_WELD)
+
+    def _add_loop(self, k: int, name: str, *, is_weld: bool) -> None:
+        model, data = self.model, self.data
+        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        numbers = np.array(model.eq_data[k])
+
+        def world(body: int, point: FloatArray) -> complex:
+            turned = np.array(data.xmat[body]).reshape(3, 3) @ point
+            return self._at(np.array(data.xpos[body]) + turned)
+
+        if is_weld:
+            # A point of body 2, and the place and turn of body 2 in body 1's frame
+            turned = np.zeros(9)
+            mujoco.mju_quat2Mat(turned, numbers[6:10])
+            at = numbers[3:6] + turned.reshape(3, 3) @ numbers[:3]
+            ends = world(first, at), world(second, numbers[:3])
+        else:
+            ends = world(first, numbers[:3]), world(second, numbers[3:6])
+        parent, child = self.home[first], self.home[second]
+        points, turn = list(ends), 0.0
+        if is_weld:
+            turn = self._turn_of_weld(first, second, numbers[6:10])
+        if child == GROUND:
+            parent, child, points, turn = child, parent, points[::-1], -turn
+        joint = self.joint_names.new(name, "")
+        self.equalities[joint] = k
+        fields: dict[str, Any] = {
+            "name": joint,
+            "parent": parent,
+            "child": child,
+            "parent_point": self._in(parent, points[0]),
+            "child_point": self._in(child, points[1]),
+        }
+        self.joints.append(WeldJoint(**fields, angle=turn) if is_weld else PinJoint(**fields))
+
+    def _turn_of_weld(self, first: int, second: int, quaternion: FloatArray) -> float:
+        """Clockwise angle of the second body less that of the first, both zero at `qpos0`."""
+        relative = np.zeros(9)
+        mujoco.mju_quat2Mat(relative, quaternion)
+        one, other = (np.array(self.data.xmat[b]).reshape(3, 3) for b in (first, second))
+        moved = one @ relative.reshape(3, 3) @ other.T
+        along = self.plane.vector(moved @ self.plane.x)
+        return -math.atan2(along.imag, along.real)
+
+    # --- tendons and actuators
+
+    def _add_actuators(self) -> None:
+        model = self.model
+        self._refuse_tendons()
+        if not self._is_on("ACTUATION"):
+            return
+        for k in range(model.nu):
+            if "actuators" in self.without:
+                model.actuator_gear[k] = 0.0
+                self.left_out.append(f"actuator {self._mujoco_name('actuator', k)!r}")
+                continue
+            self._add_actuator(k, self._mujoco_name("actuator", k))
+
+    def _refuse_tendons(self) -> None:
+        model = self.model
+        for k in range(model.ntendon):
+            acts = bool(
+                model.tendon_stiffness[k] or model.tendon_damping[k] or model.tendon_limited[k]
+            )
+            if not acts:
+                continue
+            name = self._mujoco_name("tendon", k)
+            if "tendons" not in self.without:
+                raise UnsupportedProblemError(
+                    f"{self.name!r}: the tendon {name!r} has a spring, a damper or a limit, which "
+                    "no mechanism has; --without tendons leaves them out."
+                )
+            model.tendon_stiffness[k] = model.tendon_damping[k] = model.tendon_limited[k] = 0
+            self.left_out.append(f"spring, damper and limit of the tendon {name!r}")
+
+    def _add_actuator(self, k: int, name: str) -> None:
+        """Add what a constant control makes of an actuator: a force, a spring and a damper."""
+        model = self.model
+        gain = mujoco.mjtGain(int(model.actuator_gaintype[k]))
+        bias = mujoco.mjtBias(int(model.actuator_biastype[k]))
+        if mujoco.mjtDyn(int(model.actuator_dyntype[k])) != mujoco.mjtDyn.mjDYN_NONE:
+            raise self._lacks(f"the actuator {name!r} has an activation of its own")
+        if gain not in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtGain.mjGAIN_AFFINE):
+            raise self._lacks(f"the actuator {name!r} has a gain that is not affine")
+        if bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
+            raise self._lacks(f"the actuator {name!r} has a bias that is not affine")
+        control = float(self.ctrl[k])
+        if model.actuator_ctrllimited[k] and self._is_on("CLAMPCTRL"):
+            control = float(np.clip(control, *model.actuator_ctrlrange[k]))
+        parts = np.array(model.actuator_gainprm[k][:3]) * control
+        if gain == mujoco.mjtGain.mjGAIN_FIXED:
+            parts[1:] = 0.0
+        if bias == mujoco.mjtBias.mjBIAS_AFFINE:
+            parts = parts + model.actuator_biasprm[k][:3]
+        if model.actuator_forcelimited[k]:
+            if parts[1:].any():
+                raise self._lacks(f"the actuator {name!r} limits a force that changes")
+            parts[0] = np.clip(parts[0], *model.actuator_forcerange[k])
+        if not parts.any():
+            return
+        for joint, weight in self._transmission(k, name, alone=bool(parts[1:].any())):
+            self._add_effort(joint, f"{name} on {self._mujoco_name('joint', joint)}", weight, parts)
+
+    def _transmission(self, k: int, name: str, *, alone: bool) -> list[tuple[int, float]]:
+        """Joints that an actuator acts on, each with the derivative of its length by theirs."""
+        model, kinds = self.model, mujoco.mjtTrn
+        gear, target = float(model.actuator_gear[k][0]), int(model.actuator_trnid[k][0])
+        match kinds(int(model.actuator_trntype[k])):
+            case kinds.mjTRN_JOINT | kinds.mjTRN_JOINTINPARENT:
+                return [(target, gear)]
+            case kinds.mjTRN_TENDON:
+                first = int(model.tendon_adr[target])
+                wraps = range(first, first + int(model.tendon_num[target]))
+                if any(model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT for w in wraps):
+                    raise self._lacks(f"the actuator {name!r} pulls a spatial tendon")
+                if alone and len(wraps) > 1:
+                    raise self._lacks(f"the actuator {name!r} has a spring over several joints")
+                return [(int(model.wrap_objid[w]), gear * float(model.wrap_prm[w])) for w in wraps]
+            case _:
+                raise self._lacks(f"the actuator {name!r} acts on neither joints nor a tendon")
+
+    def _add_effort(self, joint: int, name: str, weight: float, parts: FloatArray) -> None:
+        """Add weight * (c0 + c1 l + c2 dl/dt) on a joint, with l = weight * qpos."""
+        model = self.model
+        address = int(model.jnt_qposadr[joint])
+        constant, slope, rate = weight * parts * (1.0, weight, weight)
+        if slope > 0 or rate > 0:
+            raise self._lacks(f"{name!r} has a negative stiffness or damping")
+        own = self.home[int(model.jnt_bodyid[joint])]
+        made = next(each for each in self.joints if each.child == own)
+        element = self.element_names.new(name, "")
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
+            axis = self.plane.vector(self._axis(joint))
+            along = [_dot(direction, axis) for direction in made.free_directions]
+            at = max(range(len(along)), key=lambda i: abs(along[i]))
+            if abs(abs(along[at]) - 1.0) > _ALONG:
+                raise self._lacks(f"{name!r} acts along an oblique slide")
+            self.forces.append(
+                SlideSpringDamper(
+                    name=element, body=own, relative_to=made.parent, coordinate=made.slides[at],
+                    stiffness=abs(slope), damping=abs(rate), force=_sign(along[at]) * constant,
+                )
+            )  # fmt: skip
+            return
+        sense = self.plane.sense(self._axis(joint))
+        between: dict[str, Any] = {"body": own, "relative_to": made.parent}
+        if slope or rate:
+            # Its spring is at rest where MuJoCo's coordinate is zero.
+            rest = -sense * float(model.qpos0[address])
+            self.forces.append(
+                RotationalSpringDamper(
+                    name=element,
+                    **between,
+                    stiffness=abs(slope),
+                    damping=abs(rate),
+                    rest_angle=rest,
+                )
+            )
+            element = self.element_names.new(f"{name} torque", "")
+        if constant:
+            torque = sense * constant
+            self.forces.append(ConstantTorque(name=element, **between, torque=torque))
+
+
+def _vector(value: complex) -> Vector:
+    return value.real, value.imag
+
+
+def _unit(value: complex) -> Vector:
+    """Components of a unit vector, whose rounding is taken out where it is along an axis."""
+    value = value / abs(value)
+    parts = [float(np.round(part)) if abs(part - np.round(part)) < 1e-15 else part
+             for part in (value.real, value.imag)]  # fmt: skip
+    return parts[0], parts[1]
+
+
+def _dot(one: complex, other: complex) -> float:
+    return one.real * other.real + one.imag * other.imag
+
+
+def _sign(value: float) -> Any:
+    return 1 if value > 0 else -1

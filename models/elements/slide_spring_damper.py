@@ -1,0 +1,95 @@
+"""A linear spring, damper and constant force along the slide of a joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..arrays import ComplexArray, FloatArray
+from ..functions import AngleFunction
+from ..spec import Name, NonNegative, Real
+from .base import GROUND, BaseJoint, Feature, Geometry, TwoBodyForceElement
+
+
+class SlideSpringDamper(TwoBodyForceElement):
+    """A linear spring, damper and constant force along the slide of a joint of the tree.
+
+    With the slide coordinate x and its rate v the force on the body along the slide is
+    f0 - k (x - x0) - c v [N], and the opposite on the other one.
+    """
+
+    feature: ClassVar[Feature] = Feature.SLIDE_SPRING
+    acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
+
+    kind: Literal["slide-spring-damper"] = "slide-spring-damper"
+    coordinate: Name = Field(description="name of the slide coordinate of the body's joint")
+    stiffness: NonNegative = Field(default=0.0, description="k [N/m]")
+    damping: NonNegative = Field(default=0.0, description="c [N s/m]")
+    rest_position: Real = Field(default=0.0, description="x0 [m]")
+    force: Real = Field(default=0.0, description="f0, constant, along the slide [N]")
+
+    @property
+    def dissipates(self) -> bool:
+        return self.damping > 0
+
+    @property
+    def works(self) -> bool:
+        return self.dissipates or self.force != 0
+
+    @property
+    def pushes_along_x(self) -> bool:
+        """Tell whether it acts on the mechanism from outside: whether it slides on the ground."""
+        return GROUND in self.bodies
+
+    def refuse_joint(self, joint: BaseJoint) -> None:
+        if self.coordinate not in joint.slides or self.relative_to != joint.parent:
+            slides = [f"{name!r} on {joint.parent!r}" for name in joint.slides]
+            raise ValueError(
+                f"{self.name!r} acts along {self.coordinate!r} of {self.body!r} on "
+                f"{self.relative_to!r}; the joint {joint.name!r} has the slides "
+                f"{', '.join(slides) or 'none'}"
+            )
+
+    def direction(self, geometry: Geometry) -> AngleFunction:
+        return geometry.slide(self.coordinate)
+
+    def push(self, slide: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Force on the body along the slide [N], shape (...,)."""
+        spring = self.force - self.stiffness * (slide.value(q) - self.rest_position)
+        return spring - self.damping * (u @ slide.coefficients)
+
+    def generalized(
+        self,
+        geometry: Geometry,
+        direction: AngleFunction,
+        q: FloatArray,
+        u: FloatArray,
+        rates: ComplexArray,
+    ) -> FloatArray:
+        return self.push(direction, q, u)[..., None] * direction.coefficients
+
+    def body_forces(
+        self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
+    ) -> Iterator[tuple[str, ComplexArray]]:
+        force = self.push(direction, q, u) * geometry.slide_axis(self.coordinate, q)
+        yield self.body, force
+        yield self.relative_to, -force
+
+    def potential_energy(
+        self, geometry: Geometry, direction: AngleFunction, q: FloatArray
+    ) -> FloatArray:
+        """Energy k (x - x0)^2 / 2 [J]."""
+        return 0.5 * self.stiffness * (direction.value(q) - self.rest_position) ** 2
+
+    def stiffness_at(self, geometry: Geometry, q: FloatArray) -> float:
+        return self.stiffness
+
+    def power(
+        self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
+    ) -> FloatArray:
+        """Power of the damper and of the constant force, (f0 - c v) v [W]."""
+        rate = u @ direction.coefficients
+        return np.asarray((self.force - self.damping * rate) * rate)

@@ -1,0 +1,343 @@
+"""Model files read into mechanisms: random ones, wrong readings, and bad files."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import trebucheck as tb
+from model_files import RandomModel
+from trebucheck.comparisons.runs.model_files import _refuse_wrong_reading as refuse_wrong_reading
+from trebucheck.comparisons.runs.model_files import read_model_file
+from trebucheck.models.elements import SlideSpringDamper
+from trebucheck.models.kinematics import Kinematics
+from trebucheck.reference.equations import Equations
+from trebucheck.reference.solver import solve
+
+PLANES = ("xz", "xy", "yz", "any")
+MODEL: Any = mujoco
+CART = """
+<mujoco model="cart and pole">
+  <compiler angle="radian"/>
+  <option timestep="0.01" integrator="RK4" gravity="0.5 0 -9.81"/>
+  <worldbody>
+    <body name="cart" pos="0 0 1">
+      <inertial pos="0.05 0 0.02" mass="1.5" diaginertia="0.1 0.2 0.15"/>
+      <joint name="slider" type="slide" axis="-1 0 0" range="-1.8 1.9" limited="true" damping="0.4"
+             stiffness="3" springref="0.3" ref="0.2"/>
+      <body name="pole" pos="0.1 0 0.05">
+        <inertial pos="0.1 0 0.5" mass="0.6" diaginertia="0.03 0.05 0.02" quat="1 0.2 0.1 0.3"/>
+        <joint name="hinge" type="hinge" axis="0 -1 0" pos="0.02 0 0.01" damping="0.3" stiffness="2"
+               springref="0.4" ref="0.1" armature="0.07" range="-1 1.2" limited="true"/>
+        <site name="tip" pos="0 0 1"/>
+        <body name="weight" pos="0.2 0 1">
+          <inertial pos="0 0 0.1" mass="0.3" diaginertia="0.01 0.02 0.01"/>
+        </body>
+      </body>
+    </body>
+    <body name="wheel" pos="2 0 1">
+      <inertial pos="0.1 0 0" mass="2" diaginertia="0.2 0.2 0.3"/>
+      <joint name="axle" type="hinge" axis="0 1 0"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="push" joint="slider" gear="-3"/>
+    <position name="servo" joint="hinge" gear="1.5" kp="4"/>
+  </actuator>
+  <equality><connect name="rod" body1="pole" body2="wheel" anchor="0.3 0 0.4"/></equality>
+  <keyframe><key name="leaning" qpos="0.4 0.3 0.1" qvel="0.1 0.2 0" ctrl="0.7 -0.2"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_random_models_are_read_as_they_are(seed: int) -> None:
+    """Reading itself holds accelerations, gaps, places and loops against MuJoCo's to 1e-9."""
+    random = RandomModel(seed, PLANES[seed % 4], loop=seed % 3 == 0)
+    text = random.text()
+    read: Any = read_model_file(text, ctrl=random.controls())
+    kinematics, data = Kinematics(read.mechanism), MODEL.MjData(read.model)
+    rng = np.random.default_rng(seed)
+    data.qpos[:], data.qvel[:] = rng.uniform(-2, 2, (2, read.model.nv))
+    MODEL.mj_forward(read.model, data)
+    MODEL.mj_energyVel(read.model, data)
+    q, u = read.coordinates(np.array(data.qpos)), read.speeds(np.array(data.qvel))
+    assert float(kinematics.kinetic_energy(q, u)) == pytest.approx(data.energy[1], rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(100, 106))
+def test_random_models_move_as_they_do(seed: int) -> None:
+    """The limit of RK4 at short steps, without constraints, is the reference."""
+    random = RandomModel(seed, PLANES[seed % 4])
+    text, duration = random.text(4), 0.25
+    read: Any = read_model_file(text, ctrl=random.controls(), without=("limits",))
+    model = read.model
+    model.opt.integrator, model.opt.timestep = MODEL.mjtIntegrator.mjINT_RK4, 2.5e-4
+    data = MODEL.MjData(model)
+    data.qpos[:], data.ctrl[:] = model.qpos0, read.ctrl
+    for _ in range(1000):
+        MODEL.mj_step(model, data)
+    solution = solve(tb.Problem(read.mechanism, duration=duration))
+    moved = solution.motion(np.array([duration])).q[0]
+    # h^4 of RK4, with rates of change up to some 100 /s in motions of some radians
+    assert read.coordinates(np.array(data.qpos)) == pytest.approx(moved, abs=1e-7, rel=1e-7)
+
+
+def changed_bodies(mechanism: tb.Mechanism, change: Callable[[tb.Body], Any]) -> tb.Mechanism:
+    """With bodies changed."""
+    bodies = tuple(body.model_copy(update=change(body)) for body in mechanism.bodies)
+    return mechanism.model_copy(update={"bodies": bodies})
+
+
+def changed(kind: type, **factors: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """With numbers of the force elements of a class multiplied."""
+
+    def change(mechanism: tb.Mechanism) -> tb.Mechanism:
+        elements = tuple(
+            each.model_copy(update={n: getattr(each, n) * f for n, f in factors.items()})
+            if type(each) is kind
+            else each
+            for each in mechanism.force_elements
+        )
+        assert elements != mechanism.force_elements
+        return mechanism.model_copy(update={"force_elements": elements})
+
+    return change
+
+
+def without(kind: type) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """With no force elements of a class."""
+    return lambda m: m.model_copy(
+        update={"force_elements": tuple(e for e in m.force_elements if type(e) is not kind)}
+    )
+
+
+def changed_parts(group: str, **fields: Any) -> Callable[[tb.Mechanism], tb.Mechanism]:
+    """With fields of all of a group, as functions of what they were."""
+
+    def change(mechanism: tb.Mechanism) -> tb.Mechanism:
+        parts = [
+            part.model_copy(
+                update={n: f(getattr(part, n)) for n, f in fields.items() if hasattr(part, n)}
+            )
+            for part in getattr(mechanism, group)
+        ]
+        return mechanism.model_copy(update={group: tuple(parts)})
+
+    return change
+
+
+def shifted(by: float) -> Callable[[Any], Any]:
+    """A number, or the first of a pair, moved."""
+    return lambda old: (old[0] + by, old[1]) if isinstance(old, tuple) else old + by
+
+
+MISTAKES: dict[str, Callable[[tb.Mechanism], tb.Mechanism]] = {
+    "masses doubled": lambda m: changed_bodies(m, lambda b: {"mass": 2 * b.mass}),
+    "inertia about the joint": lambda m: changed_bodies(
+        m, lambda b: {"inertia": b.inertia + b.mass * math.hypot(*b.centre) ** 2}
+    ),
+    "inertia about another axis": lambda m: changed_bodies(
+        m, lambda b: {"inertia": 1.3 * b.inertia}
+    ),
+    "centre at the joint": lambda m: changed_bodies(m, lambda b: {"centre": (0.0, 0.0)}),
+    "centre mirrored": lambda m: changed_bodies(
+        m, lambda b: {"centre": (-b.centre[0], b.centre[1])}
+    ),
+    "a body without joints left out": lambda m: changed_bodies(
+        m, lambda b: {"mass": b.mass * (1e-6 if b.name == "weight" else 1.0)}
+    ),
+    "gravity downwards": lambda m: m.model_copy(update={"gravity_direction": (0.0, -1.0)}),
+    "no gravity": lambda m: m.model_copy(update={"gravity": 0.0}),
+    "armature dropped": without(tb.RotorInertia),
+    "armature doubled": changed(tb.RotorInertia, inertia=2.0),
+    "damping of the hinge dropped": changed(tb.RotationalSpringDamper, damping=0.0),
+    "spring of the hinge doubled": changed(tb.RotationalSpringDamper, stiffness=2.0),
+    "springref of the hinge ignored": changed(tb.RotationalSpringDamper, rest_angle=0.0),
+    "sign of springref": changed(tb.RotationalSpringDamper, rest_angle=-1.0),
+    "damping of the slide dropped": changed(SlideSpringDamper, damping=0.0),
+    "spring of the slide dropped": changed(SlideSpringDamper, stiffness=0.0),
+    "springref of the slide ignored": changed(SlideSpringDamper, rest_position=0.0),
+    "sign of the motor": changed(SlideSpringDamper, force=-1.0),
+    "gear squared": changed(SlideSpringDamper, force=3.0),
+    "servo without its target": without(tb.ConstantTorque),
+    "sign of the servo's target": changed(tb.ConstantTorque, torque=-1.0),
+    "actuators dropped": without(SlideSpringDamper),
+    "pins elsewhere": changed_parts("joints", child_point=shifted(0.01)),
+    "sense of the slide": changed_parts("joints", axis=lambda axis: (-axis[0], -axis[1])),
+    "limits of the hinge without ref": changed_parts("stops", limit=shifted(0.1)),
+    "limits the other way round": changed_parts("stops", sense=lambda sense: -sense),
+    "limits of the slide without ref": changed_parts("stops", offset=shifted(-0.2)),
+    "sites elsewhere": changed_parts("markers", point=shifted(0.1)),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_wrong_reading_is_refused(mistake: str) -> None:
+    read: Any = read_model_file(CART, keyframe="leaning")
+    refuse_wrong_reading(read)  # it is right
+    wrong = dataclasses.replace(read, mechanism=MISTAKES[mistake](read.mechanism))
+    with pytest.raises(tb.SimulationError, match="was not read rightly"):
+        refuse_wrong_reading(wrong)
+
+
+def test_a_loop_that_closes_elsewhere_is_refused() -> None:
+    read: Any = read_model_file(CART, keyframe="leaning")
+    (rod,) = read.mechanism.loop_joints
+    others = tuple(joint for joint in read.mechanism.joints if joint.name != rod.name)
+    moved = rod.model_copy(update={"parent_point": (rod.parent_point[0], 0.0)})
+    wrong = read.mechanism.model_copy(update={"joints": (*others, moved)})
+    with pytest.raises(tb.SimulationError, match="rod"):
+        refuse_wrong_reading(dataclasses.replace(read, mechanism=wrong))
+
+
+def test_a_keyframe_and_what_is_given_beside_it() -> None:
+    at_key = tb.from_mjcf(CART, keyframe="leaning")
+    assert at_key == tb.from_mjcf(CART, keyframe=0)
+    assert at_key == tb.from_mjcf(
+        CART, qpos=[0.4, 0.3, 0.1], qvel=[0.1, 0.2, 0.0], ctrl=[0.7, -0.2]
+    )
+    start = dict(zip(at_key.coordinates, at_key.start, strict=True))
+    assert start["slider"] == 0.4
+    # The pole's axis is against the plane's normal: clockwise is negative; `ref` is its zero.
+    assert start["hinge"] == pytest.approx(-(0.3 - 0.1))
+    still = tb.from_mjcf(CART, keyframe="leaning", qvel=[0.0, 0.0, 0.0])
+    assert still.start == at_key.start
+    assert not any(still.start_speeds)
+
+
+def test_a_compiled_model_is_read_and_stays_as_it_is() -> None:
+    model = MODEL.MjModel.from_xml_string(CART)
+    flags, limited = int(model.opt.disableflags), model.jnt_limited.tolist()
+    read = tb.from_mjcf(model, without=("limits",))
+    assert not read.stops
+    assert (int(model.opt.disableflags), model.jnt_limited.tolist()) == (flags, limited)
+
+
+@pytest.mark.parametrize("name", ["pendulum", "double-pendulum", "slider-crank", "chain"])
+def test_what_is_written_is_read_again(name: str, tmp_path: Path) -> None:
+    mechanism = tb.problem(name).mechanism
+    path = tmp_path / "written.xml"
+    path.write_text(tb.mjcf(name))
+    read: Any = read_model_file(path, without=("limits", "tendons", "equalities"), keyframe=None)
+    data = MODEL.MjData(read.model)
+    equations, again = Equations(mechanism), Equations(read.mechanism)
+    turned = np.random.default_rng(5).uniform(-1, 1, len(mechanism.coordinates))
+    free = mechanism.model_copy(update={"joints": mechanism.tree_joints})
+    assert len(free.coordinates) == len(read.mechanism.coordinates) == data.qpos.size
+    # The written model's zero is the start; bodies and slides are in one order.
+    expected = equations.mass_matrix(np.array(mechanism.start) + turned)
+    found = again.mass_matrix(np.array(read.mechanism.start) + turned)
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * float(np.abs(expected).max()))
+
+
+def test_a_file_is_a_model_wherever_one_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text(RandomModel(2, "xz").text(2))
+    found = tb.compare(path, engines="mujoco", presets="settings", duration=0.1)
+    assert len(found.to_dataframe()) > 0
+    assert tb.prove(str(path), digits=5, until=0.05).digits == 5
+
+
+def inline(body: str, extra: str = "") -> str:
+    """A file with a body."""
+    return (
+        '<mujoco model="m"><compiler angle="radian" autolimits="true"/>'
+        f'<worldbody><body name="b">{body}<geom size="0.1"/></body></worldbody>{extra}</mujoco>'
+    )
+
+
+HINGE = '<joint name="j" type="hinge" axis="0 1 0"/>'
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (inline("<freejoint/>"), "free joint"),
+        (inline('<joint type="ball"/>'), "ball joint"),
+        (inline(HINGE + '<joint name="k" type="hinge" axis="1 0 0"/>'), "'k'"),
+        (inline(HINGE + '<joint name="k" type="slide" axis="0 1 0"/>'), "'k'"),
+        (inline(""), "no joint"),
+        (inline(HINGE.replace("/>", ' frictionloss="1"/>')), "--without friction-loss"),
+        (inline(HINGE, '<option density="1"/>'), "--without fluid"),
+        (inline(HINGE.replace("hinge", "slide").replace("/>", ' armature="1"/>')), "armature"),
+        (inline(HINGE.replace("/>", ' actuatorfrcrange="-1 1"/>')), "actuators"),
+        (inline(HINGE + HINGE.replace('"j"', '"k"')), "'k'"),
+        (
+            inline(HINGE, '<actuator><general joint="j" dyntype="integrator"/></actuator>'),
+            "activation",
+        ),
+        (
+            inline(HINGE, '<equality><joint joint1="j" polycoef="0 1 0 0 0"/></equality>'),
+            "joint",
+        ),
+        (
+            inline(
+                HINGE,
+                '<tendon><fixed name="t" stiffness="1"><joint joint="j" coef="1"/></fixed>'
+                "</tendon>",
+            ),
+            "--without tendons",
+        ),
+    ],
+)
+def test_what_no_mechanism_has_is_refused_by_name(text: str, message: str) -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match=message):
+        tb.from_mjcf(text)
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ({"qpos": [0.0, 0.0]}, "shape"),
+        ({"qpos": [math.nan]}, "finite"),
+        ({"ctrl": [1.0]}, "ctrl"),
+        ({"keyframe": "home"}, "no keyframe"),
+        ({"without": ("gravity",)}, "'gravity'"),
+        ({"qpos": [2.0]}, "beyond a limit"),
+    ],
+)
+def test_a_start_that_is_not_valid_is_refused(how: dict[str, Any], message: str) -> None:
+    text = inline(HINGE.replace("/>", ' range="-1 1"/>'))
+    with pytest.raises(tb.InputError, match=message):
+        tb.from_mjcf(text, **how)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "empty|cannot read"),
+        (b"<mujoco><worldbody>", "cannot read"),
+        (b'<mujoco><include file="bad.xml"/></mujoco>', "cannot read"),
+        (b'<mujoco><asset><mesh file="no.stl"/></asset></mujoco>', "cannot read"),
+        (b"<svg/>", "cannot read"),
+        (b"\0" * 21_000_000, "at most 20 MB"),
+    ],
+)
+def test_a_file_that_is_none_is_refused(content: bytes, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.xml"
+    path.write_bytes(content)
+    with pytest.raises(tb.InputError, match=message):
+        tb.from_mjcf(path)
+    with pytest.raises(tb.InputError):
+        tb.from_mjcf(tmp_path / "missing.xml")
+
+
+def test_a_urdf_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        '<robot name="arm"><link name="base"/><link name="upper"><inertial>'
+        '<origin xyz="0 0 -0.3"/><mass value="2"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/>'
+        '<axis xyz="1 0 0"/><dynamics damping="0.3"/></joint></robot>'
+    )
+    mechanism = tb.from_mjcf(path)
+    assert mechanism.coordinates == ("shoulder",)
+    assert mechanism.bodies[0].mass == 2.0
