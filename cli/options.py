@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from inspect import Parameter
@@ -287,6 +288,19 @@ def names(text: str, what: str) -> list[str]:
     if not all(names):
         raise InputError(f"{what} = {text!r} has nothing between two commas or at an end.")
     return names
+
+
+def numbers(text: str, what: str) -> list[float]:
+    """Split a comma list of numbers; InputError if one is none, or not finite."""
+    values: list[float] = []
+    for part in names(text, what):
+        try:
+            values.append(float(part))
+        except ValueError:
+            values.append(math.nan)
+        if not math.isfinite(values[-1]):
+            raise InputError(f"{what} = {text!r}: {part!r} is no finite number.")
+    return values
 
 
 def assignments(texts: list[str] | None, option: str) -> dict[str, str]:

@@ -210,6 +210,11 @@ _BY_NAME: Mapping[str, Values] = {
     "y": _NAME,
     "campaign": FILES,
     "number": (*WHOLE, "1000000"),
+    "keyframe": (*WORDS, "7", "-1"),
+    "qpos": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400),
+    "qvel": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400),
+    "ctrl": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400),
+    "without": (*_NAME, "gravity", "limits,gravity"),
 }
 
 # Parameters that switch something: they have no values
@@ -292,10 +297,16 @@ _CALLS: Mapping[str, tuple[tuple[str, ...], Mapping[str, str]]] = {
         {"campaign": "store", "number": "0", "engine": "mujoco", "out": "out"},
     ),
     "models show": ((), {"name": "pendulum"}),
+    "models read": ((), {"file": "model.xml", "out": "out"}),
     "models export": ((), {"name": "pendulum", "out": "out"}),
     "models path": ((), {"name": "pendulum"}),
     "plugin new": ((), {"name": "anengine", "out": "out"}),
 }
+_MODEL = """
+<mujoco><worldbody><body name="arm">
+  <joint name="hinge" type="hinge" axis="0 1 0"/><geom size="0.1"/>
+</body></worldbody><actuator><motor joint="hinge"/></actuator></mujoco>
+"""
 _WITHOUT_PARAMETERS = frozenset({"models list", "models schema"})
 # Values that are right for one command
 _RIGHT: Mapping[tuple[str, str], Values] = {
@@ -619,6 +630,7 @@ def write_files(folder: Path) -> None:
         "list.json": "[1, 2]",
         "deep.json": "[" * 20_000,
         "campaign.toml": _toml(_CAMPAIGN),
+        "model.xml": _MODEL,
     }
     for name, content in contents.items():
         data = content.encode() if isinstance(content, str) else content

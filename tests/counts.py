@@ -37,16 +37,17 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    "lines": 69400,
-    "modules": 271,
+    # Files that people have are read: a reader, two elements, extrema of proofs, and their tests
+    "lines": 71400,
+    "modules": 277,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.
     # Each of the prover's is one formula; what ends with its parent is for plug-ins, too
-    "modules with one importer": 58,
+    "modules with one importer": 61,
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,
     "% of lines over 100": 0.0,
-    "% of docstrings that begin with a preposition": 0.59,
+    "% of docstrings that begin with a preposition": 0.56,
     "comprehensions per 100 statements": 5.8,
     "ternaries per 100 statements": 2.78,
 }

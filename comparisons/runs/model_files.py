@@ -57,7 +57,7 @@ def from_mjcf(
             mechanisms have not; the sentence names it.
         EngineNotInstalledError: the engine that compiles such files is not installed.
     """
-    start = {"keyframe": keyframe, "qpos": qpos, "qvel": qvel, "ctrl": ctrl}
+    start: dict[str, Any] = {"keyframe": keyframe, "qpos": qpos, "qvel": qvel, "ctrl": ctrl}
     return read_model_file(source, without=without, **start).mechanism
 
 

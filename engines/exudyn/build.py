@@ -400,6 +400,22 @@ class Builder:
         self.connect(item, "spring", spring.name, "Distance")
         self.system.rests[spring.name] = "Distance", spring.rest_length
 
+    def add_slide_spring(self, spring: elements.SlideSpringDamper) -> None:
+        """Add a spring, damper and force along a joint's line, on which the child's point is."""
+        (slide,) = (s for s in self.mechanism.slides if s.coordinate == spring.coordinate)
+        joint, along = slide.joint, slide.direction
+        line = self.frame(joint.parent, joint.parent_point)
+        item = items.ObjectConnectorLinearSpringDamper(
+            markerNumbers=[line, self.frame(joint.child, joint.child_point)],
+            axisMarker0=[along.real, along.imag, 0.0],
+            stiffness=spring.stiffness,
+            damping=spring.damping,
+            offset=spring.rest_position,
+            force=-spring.force,
+        )
+        self.connect(item, "spring", spring.name)
+        self.system.slides[spring.name] = slide, spring.rest_position
+
     def add_rotational_spring(self, spring: elements.RotationalSpringDamper) -> None:
         """Add a spring between two rotations: full turns count."""
         self._add_torsion(spring, damping=spring.damping)
@@ -489,9 +505,7 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.CubicTorsionSpring: Builder.add_cubic_spring,
         elements.ConstantForce: Builder.add_force,
         elements.ConstantTorque: Builder.add_torque,
+        elements.SlideSpringDamper: Builder.add_slide_spring,
     },
-    {
-        elements.RotorInertia: "our adapter adds no inertia between two bodies",
-        elements.SlideSpringDamper: "our adapter builds no springs along slides",
-    },
+    {elements.RotorInertia: "our adapter adds no inertia between two bodies"},
 )

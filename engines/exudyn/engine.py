@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import CubicTorsionSpring
+from ...models.elements import CubicTorsionSpring, SlideSpringDamper
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -17,7 +17,10 @@ from ..units import scaled_units
 from .options import ExudynOptions
 from .study import STUDY
 
-BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {
+    CubicTorsionSpring,
+    SlideSpringDamper,
+}
 """Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 _ALONE: Mapping[str, object] = {
     "own_limits": True,

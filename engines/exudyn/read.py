@@ -18,7 +18,7 @@ from ...models import elements
 from ...models.arrays import ComplexArray, FloatArray
 from ...models.elements import FORCE_ELEMENTS, GROUND, AnyJoint, ElementTable
 from ...models.kinematics import Kinematics
-from ...models.mechanism import Marker, Mechanism
+from ...models.mechanism import Marker, Mechanism, Slide
 from ...models.spec import Vector
 from ...models.trajectory import PointMotion
 from ..events import ContactEvents, Contacts
@@ -272,6 +272,8 @@ class System:
     """Stops that are springs; empty where they are constraints."""
     rests: dict[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
     """Springs of the mechanism: output of the connector, and its value at rest [m, rad]."""
+    slides: dict[str, tuple[Slide, float]] = field(default_factory=dict[str, tuple[Slide, float]])
+    """Slide of each spring along one, and where it is at rest [m]."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
@@ -280,6 +282,10 @@ class System:
 
     def stretch(self, element: str, values: Values) -> FloatArray:
         """Stretch of a spring by its connector [m, rad], shape (n,); zero if it is no spring."""
+        if element in self.slides:
+            slide, at_rest = self.slides[element]
+            place = on_joint(slide.joint).place(values) * slide.direction.conjugate()
+            return np.asarray(place.real - at_rest)
         if element not in self.rests:
             return np.zeros(1)
         variable, rest = self.rests[element]
@@ -358,7 +364,7 @@ ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
         elements.ConstantForce: _no_energy,
         elements.ConstantTorque: _no_energy,
         elements.RotorInertia: _no_energy,
-        elements.SlideSpringDamper: _no_energy,
+        elements.SlideSpringDamper: _quadratic_energy,
     },
 )
 """Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""

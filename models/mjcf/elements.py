@@ -276,6 +276,37 @@ _CONSTANT = {"gainprm": "0", "biastype": "affine"}  # an actuator with a force a
 
 
 @dataclass(frozen=True)
+class OfJoint:
+    """Numbers that elements add to a hinge or slide, whose position is zero at the start."""
+
+    armature: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    pull: float = 0.0
+    """Stiffness times the position at rest."""
+
+    def __add__(self, other: OfJoint) -> OfJoint:
+        return OfJoint(
+            self.armature + other.armature,
+            self.stiffness + other.stiffness,
+            self.damping + other.damping,
+            self.pull + other.pull,
+        )
+
+    @property
+    def attributes(self) -> dict[str, float]:
+        """Attributes of the joint, those that are not zero."""
+        rest = self.pull / self.stiffness if self.stiffness else 0.0
+        values = {
+            "armature": self.armature,
+            "stiffness": self.stiffness,
+            "damping": self.damping,
+            "springref": rest,
+        }
+        return {name: value for name, value in values.items() if value}
+
+
+@dataclass(frozen=True)
 class _ForceWriter(Generic[_E]):
     """Functions that write a class of force elements; None where it has no such part."""
 
@@ -283,8 +314,8 @@ class _ForceWriter(Generic[_E]):
     """Sites on a body (or the world), whose frame has an origin."""
     add_tendon: Callable[[_E, ET.Element, Mechanism], None] | None = None
     add_actuator: Callable[[_E, ET.Element, Mechanism], None] | None = None
-    of_joint: Callable[[_E, Mechanism], tuple[str, dict[str, float]]] | None = None
-    """Name of a hinge or slide, and its attributes."""
+    of_joint: Callable[[_E, Mechanism], tuple[str, OfJoint]] | None = None
+    """Name of a hinge or slide, and what the element adds to it."""
 
 
 @dataclass(frozen=True)
@@ -326,24 +357,13 @@ class Forces:
                 writer.add_sites(force, element, body, origin)
 
     def of_joint(self, joint: str) -> dict[str, str]:
-        """Attributes of a hinge or slide.
-
-        Raises:
-            UnsupportedProblemError: two elements have one.
-        """
-        attributes: dict[str, str] = {}
+        """Attributes of a hinge or slide, on which several elements add up."""
+        total = OfJoint()
         for force, writer in self._by_class():
-            if not writer.of_joint:
-                continue
-            name, own = writer.of_joint(force, self.mechanism)
-            if name == joint:
-                if not attributes.keys().isdisjoint(own):
-                    raise UnsupportedProblemError(
-                        f"the MJCF writer cannot write {force.name!r}: another element of its kind "
-                        f"is on {joint!r} as well."
-                    )
-                attributes |= {key: number(value) for key, value in own.items()}
-        return attributes
+            if writer.of_joint:
+                name, own = writer.of_joint(force, self.mechanism)
+                total = total + own if name == joint else total
+        return {name: number(value) for name, value in total.attributes.items()}
 
     @property
     def needs_tendons(self) -> bool:
@@ -440,21 +460,21 @@ def _add_force(force: ConstantForce, actuator: ET.Element, _: Mechanism) -> None
     )  # fmt: skip
 
 
-def _of_hinge(rotor: RotorInertia, mechanism: Mechanism) -> tuple[str, dict[str, float]]:
+def _of_hinge(rotor: RotorInertia, mechanism: Mechanism) -> tuple[str, OfJoint]:
     hinges = hinge_weights(mechanism, *rotor.bodies)
     if len(hinges) != 1:
         raise UnsupportedProblemError(
             f"the MJCF writer cannot write {rotor.name!r}: between its bodies there are "
             f"{len(hinges)} hinges, and an armature belongs to one."
         )
-    return next(iter(hinges)), {"armature": rotor.inertia}
+    return next(iter(hinges)), OfJoint(armature=rotor.inertia)
 
 
-def _of_slide(spring: SlideSpringDamper, mechanism: Mechanism) -> tuple[str, dict[str, float]]:
-    """Attributes of the slide, whose position is zero at the start."""
+def _of_slide(spring: SlideSpringDamper, mechanism: Mechanism) -> tuple[str, OfJoint]:
     start = dict(zip(mechanism.coordinates, mechanism.start, strict=True))[spring.coordinate]
-    attributes = {"stiffness": spring.stiffness, "damping": spring.damping}
-    return _slide(spring, mechanism), attributes | {"springref": spring.rest_position - start}
+    pull = spring.stiffness * (spring.rest_position - start)
+    own = OfJoint(stiffness=spring.stiffness, damping=spring.damping, pull=pull)
+    return _slide(spring, mechanism), own
 
 
 def _slide(spring: SlideSpringDamper, mechanism: Mechanism) -> str:

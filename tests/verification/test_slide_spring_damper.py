@@ -147,10 +147,34 @@ def test_mujoco_has_it_as_the_slides_own(mechanism: tb.Mechanism) -> None:
         assert found.joint_reactions[joint] == pytest.approx(force, abs=1e-5), joint
 
 
-@pytest.mark.parametrize("engine", ["pymunk", "exudyn"])
-def test_engines_without_it_refuse_it_by_name(engine: str) -> None:
+@pytest.mark.parametrize("mechanism", [cart(), bead_on_an_arm()], ids=lambda m: m.name)
+def test_exudyn_has_it_between_two_frames(mechanism: tb.Mechanism) -> None:
+    assert check_model(tb.engine("exudyn"), mechanism).holds
+    problem = tb.Problem(mechanism, duration=0.3)
+    found = tb.engine("exudyn", "settings", timestep=1e-4).simulate(problem)
+    exact = solve(problem).trajectory(found.t)
+    # A method of second order at 0.1 ms, with third derivatives below 1e4
+    assert found.q == pytest.approx(exact.q, abs=1e-5)
+    assert found.potential_energy == pytest.approx(exact.potential_energy, abs=1e-3)
+    for joint, force in exact.joint_reactions.items():
+        assert found.joint_reactions[joint][5:] == pytest.approx(force[5:], abs=0.05), joint
+
+
+def test_pymunk_refuses_it_by_name() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="spring of s"):
-        tb.engine(engine).simulate(tb.Problem(cart(), duration=0.1))
+        tb.engine("pymunk").simulate(tb.Problem(cart(), duration=0.1))
+
+
+def test_several_on_a_slide_add_up() -> None:
+    """Two springs of half the stiffness, damping and force are one."""
+    half = {n: getattr(spring(), n) / 2 for n in ("stiffness", "damping", "force")}
+    one = spring().model_copy(update=half)
+    other = one.model_copy(update={"name": "other"})
+    both, single = (
+        tb.engine("mujoco", "settings").simulate(tb.Problem(each, duration=0.3))
+        for each in (cart(force_elements=(one, other)), cart())
+    )
+    assert both.q == pytest.approx(single.q, abs=1e-13)
 
 
 @pytest.mark.parametrize(
