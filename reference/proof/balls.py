@@ -19,6 +19,7 @@ Matrix = Any
 acb: Any = flint.acb
 arb: Any = flint.arb
 arb_mat: Any = flint.arb_mat
+fmpz_mat: Any = flint.fmpz_mat
 
 
 @contextmanager

@@ -28,6 +28,7 @@ import numpy as np
 
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, SimulationError
+from ...models.functions import AngleFunction
 from ...models.kinematics import initial_state
 from ...models.launch import AT_REST
 from ...models.problem import Problem, StopLaw
@@ -36,7 +37,7 @@ from ..equations import Equations
 from ..reactions import refuse_dependent
 from ..taylor.expressions import TaylorSystem
 from ..taylor.numbers import PROJECTILE, projectile_row, relevant_stops, rests_of, structure_of
-from .balls import Ball, arb, exact, rounded
+from .balls import Ball, arb, exact, fmpz_mat, rounded
 from .events import UndecidedZeroError, Zero, clear_of_start, keeps_sign, zeros
 from .gradients import gradients
 from .mechanics import SolvedForces
@@ -317,6 +318,8 @@ class ProvedMotion:
         tape = Tape(algebra, self._names, [*solved[: len(q)], *solved[first:]])
         impulses = dict(zip(self.stops, tape.values(self.numbers, q, u)[len(q) :], strict=True))
         after: State = q, self._changed(tape, state)
+        for k in self._stopped([name for name in pushing if not restitution[name]]):
+            after[1][k] = arb(0)
         if launches and self._rests.isdisjoint(pushing):
             self._note_launch(start, state, after)
         before = self._gap_speeds(state)
@@ -331,6 +334,19 @@ class ProvedMotion:
         resting = tuple(n for n in touching if n not in pushing or restitution[n] > 0)
         held = [n for n in touching if n not in resting]
         return after, active_contacts(self.equations, *_middles(after), held)
+
+    def _stopped(self, plastic: Sequence[str]) -> list[int]:
+        """Coordinates whose speeds are zero, not nearly so, where these gaps' speeds are.
+
+        Those of stops on angles have whole numbers for gradients: elimination is exact.
+        """
+        gaps = [self.kinematics.gaps[name] for name in plastic]
+        rows = [list(map(int, g.coefficients)) for g in gaps if isinstance(g, AngleFunction)]
+        if not rows:
+            return []
+        reduced, _, _ = fmpz_mat(rows).rref()
+        left = ([k for k, value in enumerate(row) if value] for row in reduced.tolist())
+        return [row[0] for row in left if len(row) == 1]
 
     def _changed(self, tape: Tape, state: State) -> list[Ball]:
         """Speeds after changes by a tape, in mean-value form: a rebound makes their radii less."""
@@ -626,7 +642,7 @@ class ProvedMotion:
                     return
             elif function.kind == "release" and not at_start > 0:
                 raise UndecidedZeroError(Fraction(0), Fraction(0), "f > 0")
-            elif function.kind == "launch" and at_start.is_zero():
+            elif function.kind == "launch" and of_all.coefficients[0].is_zero():
                 _, begin = clear_of_start(of_all, step.length, known=0)
         for zero in zeros(model, of_all.derivative(), step.length, begin):
             if zero.falls and (function.kind != "launch" or self._is_launch(step, zero)):

@@ -26,6 +26,7 @@ NEEDS = {
     "campaign diff": "two campaigns",
     "campaign machine": "a campaign",
     "campaign shrink": "a campaign",
+    "models read": "a model's file",
 }
 
 

@@ -402,3 +402,24 @@ def test_the_published_end_of_the_squeezer_is_late() -> None:
     (figure,) = (each for each in known.figures if each.name == "k1 at the end")
     off = Decimal("15.81077119629904") + Decimal(figure.value)  # k1 counts clockwise
     assert abs(off - Decimal("1.145e-9")) < Decimal("1e-11")
+
+
+def test_what_two_stops_bring_to_rest_has_a_speed_of_zero() -> None:
+    """The sling is still in its rest when the arm meets its stop: both stop, and fall back.
+
+    Their speeds are zero, not nearly so: no ball about zero tells whether the projectile, which
+    moves against the launch direction then, is launched.
+    """
+    parameters = tb.TrebuchetParameters(
+        l1=8.073, l2=4.739, m_b=69.83, m_cw=3644.0, m_a=875.5, h=9.631, r=5.708, g=8.46,
+        theta0=0.0, phi0=2.6, alpha0=-0.8323,
+    )  # fmt: skip
+    problem = tb.Problem(tb.fixed(parameters), duration=6.0, stop_law=tb.StopLaw.UNILATERAL)
+    proof = tb.prove(problem, digits=10, until=3.5)
+    assert [event.name for event in proof.motion.events] == ["hanger rest", "arm stop"]
+    states = proof.motion.phases[-1].steps[0].states
+    speeds = [ball.is_zero() for ball in states.box()[3:]]
+    assert speeds == [True, True, False]
+    exact = solve(problem).motion(np.array([3.5])).q[0]
+    found = [float(each.value) for each in proof.q(3.5).values()]
+    assert exact == pytest.approx(found, abs=1e-8)
