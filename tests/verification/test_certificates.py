@@ -222,8 +222,8 @@ def test_each_figure_is_proved_or_says_why_it_is_not(committed: Certificate) -> 
         assert figure.name in PROVABLE
         proved = figure.proved_value is not None and figure.proved_radius is not None
         assert proved != bool(figure.not_proved), figure.label
-    extrema = [figure for figure in committed.figures if figure.not_proved]
-    assert len(extrema) < 0.1 * len(committed.figures)
+    # The machines' own are proved without an exception.
+    assert not [figure.label for figure in committed.figures if figure.not_proved]
 
 
 def test_a_figure_that_its_proof_contradicts_is_refused(
