@@ -46,10 +46,12 @@ _LONGEST_NAME = 60
 _FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
 _FASTEST = 2.0  # [rad/s, m/s]
 
+_CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
+
 CONTACTS = "contacts"
 LEAVABLE: dict[str, str] = {
     CONTACTS: "contacts between geoms",
-    "limits": "limits of joints and tendons",
+    "limits": "limits of joints",
     "friction-loss": "friction loss of joints and tendons",
     "fluid": "the medium (density, viscosity, wind)",
     "actuators": "actuators",
@@ -261,6 +263,21 @@ class _Names:
         return name
 
 
+@dataclass(frozen=True)
+class _Made:
+    """A joint of MuJoCo's, and the joint here that it is a part of."""
+
+    joint: int
+    name: str
+    turns: bool
+    built: AnyJoint
+
+    @property
+    def between(self) -> dict[str, Any]:
+        """Fields of an element between its bodies."""
+        return {"body": self.built.child, "relative_to": self.built.parent}
+
+
 @dataclass
 class _Reader:
     model: Any
@@ -287,9 +304,9 @@ class _Reader:
     )
     sites: dict[str, int] = field(default_factory=dict[str, int])
     equalities: dict[str, int] = field(default_factory=dict[str, int])
-    slides: list[tuple[str, FloatArray, float]] = field(
-        default_factory=list[tuple[str, FloatArray, float]]
-    )
+    made: dict[int, _Made] = field(default_factory=dict[int, "_Made"])
+    slides: list[tuple[str, FloatArray]] = field(default_factory=list[tuple[str, FloatArray]])
+    """Slide coordinates, each with its row of C."""
 
     def read(self) -> PlanarModel:
         """Read all."""
@@ -339,6 +356,15 @@ class _Reader:
             ("flexible bodies", None, model.nflex > 0, None),
             ("plug-ins", None, model.nplugin > 0, None),
             ("compensation of gravity", None, bool(np.any(model.body_gravcomp)), None),
+            ("plastic joints", None, getattr(model, "nplastic", 0) > 0, None),
+            (
+                "actuators with a delay", None, bool(np.any(getattr(model, "actuator_delay", 0))),
+                None,
+            ),
+            (
+                "actuators with several controls", None,
+                bool(np.any(getattr(model, "actuator_ctrlnum", 1) != np.ones(1))), None,
+            ),
             (
                 "a medium (density, viscosity or wind)", "fluid",
                 bool(option.density or option.viscosity or np.any(option.wind)),
@@ -346,7 +372,8 @@ class _Reader:
             ),
             (
                 "friction loss", "friction-loss",
-                bool(np.any(model.dof_frictionloss) or np.any(model.tendon_frictionloss)),
+                self._is_on("FRICTIONLOSS")
+                and bool(np.any(model.dof_frictionloss) or np.any(model.tendon_frictionloss)),
                 self._without_friction_loss,
             ),
         ]  # fmt: skip
@@ -375,7 +402,7 @@ class _Reader:
     def _has_contacts(self) -> bool:
         """Tell whether any two geoms may touch."""
         model = self.model
-        if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+        if not self._is_on("CONTACT"):
             return False
         types, affinities = model.geom_contype, model.geom_conaffinity
         pairs = (types[:, None] & affinities[None, :]) | (affinities[:, None] & types[None, :])
@@ -384,7 +411,10 @@ class _Reader:
         return model.npair > 0 or bool(np.any((pairs != 0) & apart & moving))
 
     def _is_on(self, flag: str) -> bool:
-        return not self.model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
+        """Tell whether a part of MuJoCo is not disabled, alone or with all constraints."""
+        flags = {flag} | ({"CONSTRAINT"} if flag in _CONSTRAINTS else set[str]())
+        bits = (int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each}")) for each in flags)
+        return not any(self.model.opt.disableflags & bit for bit in bits)
 
     def _gravity(self) -> complex:
         gravity = np.array(self.model.opt.gravity) if self._is_on("GRAVITY") else np.zeros(3)
@@ -517,13 +547,15 @@ class _Reader:
             case [k] if k == hinge:
                 self.joints.append(PinJoint(**ends, parent_point=self._in(parent, anchor)))
             case [k] if k == slide:
-                self.joints.append(PrismaticJoint(**ends, **self._line(parent, joints[0], anchor)))
+                line = self._line(parent, joints[0], names[0], anchor)
+                self.joints.append(PrismaticJoint(**ends, **line))
             case [k, m] if (k, m) == (slide, hinge):
                 ends["name"] = self.joint_names.new(f"{own} joint", "")
-                self.joints.append(SlotJoint(**ends, **self._line(parent, joints[0], anchor)))
+                line = self._line(parent, joints[0], names[0], anchor)
+                self.joints.append(SlotJoint(**ends, **line))
             case [k, m, n] if (k, m, n) == (slide, slide, hinge) and parent == GROUND:
                 ends["name"] = self.joint_names.new(f"{own} joint", "")
-                self.joints.append(FreeJoint(**ends, **self._free(joints[:2], anchor)))
+                self.joints.append(FreeJoint(**ends, **self._free(joints[:2], names[:2], anchor)))
             case _:
                 words = ", ".join(
                     f"{n!r} ({'hinge' if k == hinge else 'slide'})"
@@ -533,8 +565,10 @@ class _Reader:
                     f"{self.name!r}: the body {own!r} has the joints {words}; read are one hinge, "
                     "one slide, a slide and a hinge, and two slides and a hinge in the world."
                 )
-        for joint, name in zip(joints, names, strict=True):
-            self._add_properties(joint, name, own, parent, self.joints[-1])
+        for joint, name, kind in zip(joints, names, kinds, strict=True):
+            made = _Made(joint, name, kind == hinge, self.joints[-1])
+            self.made[joint] = made
+            self._add_properties(made)
         return turns
 
     def _joint_name(self, joint: int) -> str:
@@ -547,28 +581,25 @@ class _Reader:
         turned[address] += sense
         self.angle[own] = turned, constant - sense * float(self.model.qpos0[address])
 
-    def _line(self, parent: str, joint: int, anchor: complex) -> dict[str, Any]:
+    def _line(self, parent: str, joint: int, name: str, anchor: complex) -> dict[str, Any]:
         """Fields of a joint along a slide, whose coordinate is MuJoCo's."""
         axis = self.plane.vector(self._axis(joint))
-        address, name = int(self.model.jnt_qposadr[joint]), self.model.joint(joint).name
-        coordinate = self._coordinate(name, f"slide {joint}")
-        row = np.zeros(self.model.nq)
+        address, row = int(self.model.jnt_qposadr[joint]), np.zeros(self.model.nq)
         row[address] = 1.0
-        self.slides.append((coordinate, row, 0.0))
+        self.slides.append((name, row))
         zero = anchor - float(self.model.qpos0[address]) * axis
         return {
             "axis": _unit(axis),
-            "coordinate": coordinate,
+            "coordinate": name,
             "parent_point": self._in(parent, zero),
         }
 
-    def _free(self, joints: Sequence[int], anchor: complex) -> dict[str, Any]:
+    def _free(self, joints: Sequence[int], names: Sequence[str], anchor: complex) -> dict[str, Any]:
         """Fields of a free joint: x and y are sums of two slides that are across each other."""
         axes = [self.plane.vector(self._axis(joint)) for joint in joints]
         if abs((axes[0] * axes[1].conjugate()).real) > _ALONG:
             raise UnsupportedProblemError(
-                f"{self.name!r}: the slides {self._mujoco_name('joint', joints[0])!r} and "
-                f"{self._mujoco_name('joint', joints[1])!r} are not at right angles."
+                f"{self.name!r}: the slides {names[0]!r} and {names[1]!r} are not at right angles."
             )
         rows, zero = np.zeros((2, self.model.nq)), anchor
         for joint, axis in zip(joints, axes, strict=True):
@@ -576,23 +607,14 @@ class _Reader:
             rows[:, address] = axis.real, axis.imag
             zero -= float(self.model.qpos0[address]) * axis
         first = 0 if abs(axes[0].real) >= abs(axes[1].real) else 1  # that along x
-        names = [
-            self._coordinate(self.model.joint(joints[k]).name, f"slide {joints[k]}")
-            for k in (first, 1 - first)
-        ]
-        self.slides += [(name, row, 0.0) for name, row in zip(names, rows, strict=True)]
-        return {"coordinates": tuple(names), "parent_point": self._in(GROUND, zero)}
-
-    def _coordinate(self, wanted: str, otherwise: str) -> str:
-        taken = {name for name, *_ in self.slides}
-        name = re.sub(r"[^A-Za-z0-9_ \-]", "_", wanted)[:_LONGEST_NAME] or otherwise
-        name = name if name[0].isalpha() else f"n{name}"
-        return f"{name} {len(taken)}" if name in taken else name
+        coordinates = names[first], names[1 - first]
+        self.slides += zip(coordinates, rows, strict=True)
+        return {"coordinates": coordinates, "parent_point": self._in(GROUND, zero)}
 
     def _coordinates(self) -> tuple[FloatArray, FloatArray]:
         """C and the offset of q = offset + C qpos."""
         turning = [self.angle[body.name] for body in self.bodies if body.angle is not None]
-        parts = [*turning, *((row, constant) for _, row, constant in self.slides)]
+        parts = [*turning, *((row, 0.0) for _, row in self.slides)]
         return np.array([row for row, _ in parts]), np.array([value for _, value in parts])
 
     def _markers(self) -> Iterator[Marker]:
@@ -605,105 +627,87 @@ class _Reader:
 
     # --- what joints have
 
-    def _add_properties(self, joint: int, name: str, own: str, parent: str, made: AnyJoint) -> None:
-        model, address = self.model, int(self.model.jnt_dofadr[joint])
+    def _add_properties(self, made: _Made) -> None:
+        model, joint = self.model, made.joint
+        degree = int(model.jnt_dofadr[joint])
         poly = [
             np.any(getattr(model, kind)[k])
-            for kind, k in (("jnt_stiffnesspoly", joint), ("dof_dampingpoly", address))
+            for kind, k in (("jnt_stiffnesspoly", joint), ("dof_dampingpoly", degree))
             if hasattr(model, kind)
         ]
         if any(poly):
-            raise self._lacks(f"the joint {name!r} has a nonlinear spring or damper")
+            raise self._lacks(f"the joint {made.name!r} has a nonlinear spring or damper")
         if model.jnt_actfrclimited[joint]:
-            raise self._lacks(f"the joint {name!r} limits the force of its actuators")
-        stiffness = float(model.jnt_stiffness[joint]) if self._is_on("SPRING") else 0.0
-        damping = float(model.dof_damping[address]) if self._is_on("DAMPER") else 0.0
-        armature = float(model.dof_armature[address])
-        reference = float(model.qpos_spring[model.jnt_qposadr[joint]])
-        if self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
-            self._of_hinge(joint, name, (own, parent), stiffness, damping, armature, reference)
-            return
+            raise self._lacks(f"the joint {made.name!r} limits the force of its actuators")
+        armature = float(model.dof_armature[degree])
+        if armature and not made.turns:
+            raise self._lacks(f"the slide {made.name!r} has an armature")
         if armature:
-            raise self._lacks(f"the slide {name!r} has an armature")
-        self._of_slide(joint, name, (own, parent), stiffness, damping, reference, made)
+            rotor = self.element_names.new(f"{made.name} rotor", "")
+            self.forces.append(RotorInertia(name=rotor, **made.between, inertia=armature))
+        stiffness = float(model.jnt_stiffness[joint]) if self._is_on("SPRING") else 0.0
+        damping = float(model.dof_damping[degree]) if self._is_on("DAMPER") else 0.0
+        if stiffness or damping:
+            name = f"{made.name} {'spring' if stiffness else 'damper'}"
+            at_rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
+            self._add_spring(made, name, stiffness, damping, at_rest)
+        self._add_limits(made)
 
     def _lacks(self, what: str) -> UnsupportedProblemError:
         return UnsupportedProblemError(f"{self.name!r}: {what}, which no mechanism has.")
 
-    def _of_hinge(
-        self,
-        joint: int,
-        name: str,
-        bodies: tuple[str, str],
-        stiffness: float,
-        damping: float,
-        armature: float,
-        reference: float,
+    def _add_spring(
+        self, made: _Made, name: str, stiffness: float, damping: float, at_rest: float
     ) -> None:
-        own, parent = bodies
-        between: dict[str, Any] = {"body": own, "relative_to": parent}
-        zero = float(self.model.qpos0[self.model.jnt_qposadr[joint]])
-        sense = self.plane.sense(self._axis(joint))
-        if stiffness or damping:
-            self.forces.append(
-                RotationalSpringDamper(
-                    name=self._spring_name(name, stiffness), **between,
-                    stiffness=stiffness, damping=damping, rest_angle=sense * (reference - zero),
-                )
-            )  # fmt: skip
-        if armature:
-            rotor = self.element_names.new(f"{name} rotor", "")
-            self.forces.append(RotorInertia(name=rotor, **between, inertia=armature))
-        value = float(self.qpos[self.model.jnt_qposadr[joint]])
-        for side, limit in self._limits(joint):
-            # sense * (q_own - q_parent) is qpos - qpos0.
-            gap = side * (value - limit)
-            self.stops.append(
-                Stop(
-                    name=self._noted_limit(joint, name, side, limit), **between,
-                    sense=_sign(side * sense), limit=side * (limit - zero),
-                    closed=self._closed(name, gap),
-                )
-            )  # fmt: skip
+        """Add -(k (qpos - at_rest) + c qvel) on a hinge or slide."""
+        element: dict[str, Any] = {"name": self.element_names.new(name, ""), **made.between}
+        element |= {"stiffness": stiffness, "damping": damping}
+        if made.turns:
+            zero = float(self.model.qpos0[self.model.jnt_qposadr[made.joint]])
+            rest = self.plane.sense(self._axis(made.joint)) * (at_rest - zero)
+            self.forces.append(RotationalSpringDamper(**element, rest_angle=rest))
+            return
+        coordinate, sense = self._along(made)
+        self.forces.append(
+            SlideSpringDamper(**element, coordinate=coordinate, rest_position=sense * at_rest)
+        )
 
-    def _of_slide(
-        self,
-        joint: int,
-        name: str,
-        bodies: tuple[str, str],
-        stiffness: float,
-        damping: float,
-        reference: float,
-        made: AnyJoint,
-    ) -> None:
-        own, parent = bodies
-        axis = self.plane.vector(self._axis(joint))
-        if stiffness or damping:
-            k = max(range(len(made.slides)), key=lambda k: abs(_dot(made.free_directions[k], axis)))
-            along = _dot(made.free_directions[k], axis)
-            if abs(abs(along) - 1.0) > _ALONG:
-                raise self._lacks(f"the slide {name!r} has a spring or damper and is oblique")
-            self.forces.append(
-                SlideSpringDamper(
-                    name=self._spring_name(name, stiffness), body=own, relative_to=parent,
-                    coordinate=made.slides[k], stiffness=stiffness, damping=damping,
-                    rest_position=_sign(along) * reference,
-                )
-            )  # fmt: skip
-        value = float(self.qpos[self.model.jnt_qposadr[joint]])
-        zero = complex(*made.parent_point)
-        for side, limit in self._limits(joint):
-            self.stops.append(
-                PointStop(
-                    name=self._noted_limit(joint, name, side, limit), body=own,
-                    point=made.child_point, relative_to=parent, normal=_unit(side * axis),
-                    offset=side * (_dot(zero, axis) + limit),
-                    closed=self._closed(name, side * (value - limit)),
-                )
-            )  # fmt: skip
+    def _add_force(self, made: _Made, name: str, force: float) -> None:
+        """Add a constant generalized force on a hinge or slide."""
+        element: dict[str, Any] = {"name": self.element_names.new(name, ""), **made.between}
+        if made.turns:
+            sense = self.plane.sense(self._axis(made.joint))
+            self.forces.append(ConstantTorque(**element, torque=sense * force))
+            return
+        coordinate, sense = self._along(made)
+        self.forces.append(SlideSpringDamper(**element, coordinate=coordinate, force=sense * force))
 
-    def _spring_name(self, joint: str, stiffness: float) -> str:
-        return self.element_names.new(f"{joint} {'spring' if stiffness else 'damper'}", "")
+    def _along(self, made: _Made) -> tuple[str, int]:
+        """Coordinate of a slide, and 1 or -1, its sense; that of a free joint is along an axis."""
+        axis = self.plane.vector(self._axis(made.joint))
+        along = [_dot(direction, axis) for direction in made.built.free_directions]
+        k = max(range(len(along)), key=lambda k: abs(along[k]))
+        if abs(abs(along[k]) - 1.0) > _ALONG:
+            raise self._lacks(f"the slide {made.name!r} is oblique and has a spring or a force")
+        return made.built.slides[k], _sign(along[k])
+
+    def _add_limits(self, made: _Made) -> None:
+        address = int(self.model.jnt_qposadr[made.joint])
+        value, zero = float(self.qpos[address]), float(self.model.qpos0[address])
+        for side, limit in self._limits(made.joint):
+            name = self.stop_names.new(f"{made.name} {'lower' if side > 0 else 'upper'} limit", "")
+            self.limits[name] = address, side, limit
+            stop: dict[str, Any] = {"name": name, **made.between}
+            stop["closed"] = self._closed(made.name, side * (value - limit))
+            if made.turns:
+                # Its own angle less the parent's is sense * (qpos - qpos0).
+                sense = _sign(side * self.plane.sense(self._axis(made.joint)))
+                self.stops.append(Stop(**stop, sense=sense, limit=side * (limit - zero)))
+                continue
+            axis = self.plane.vector(self._axis(made.joint))
+            offset = side * (_dot(complex(*made.built.parent_point), axis) + limit)
+            stop |= {"point": made.built.child_point, "normal": _unit(side * axis)}
+            self.stops.append(PointStop(**stop, offset=offset))
 
     def _limits(self, joint: int) -> Iterator[tuple[int, float]]:
         """Side (1 of the lower end) and position of each limit."""
@@ -716,12 +720,6 @@ class _Reader:
         low, high = map(float, self.model.jnt_range[joint])
         yield 1, low
         yield -1, high
-
-    def _noted_limit(self, joint: int, name: str, side: int, limit: float) -> str:
-        """Note a limit; the name of its stop."""
-        stop = self.stop_names.new(f"{name} {'lower' if side > 0 else 'upper'} limit", "")
-        self.limits[stop] = int(self.model.jnt_qposadr[joint]), side, limit
-        return stop
 
     def _closed(self, joint: str, gap: float) -> bool:
         if gap < -1e-12:
@@ -744,11 +742,15 @@ class _Reader:
                 self.left_out.append(f"equality {name!r}")
                 continue
             kind = mujoco.mjtEq(int(model.eq_type[k]))
-            of_bodies = model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_BODY
-            if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD) or not of_bodies:
+            is_weld = kind == mujoco.mjtEq.mjEQ_WELD
+            if not is_weld and kind != mujoco.mjtEq.mjEQ_CONNECT:
                 word = kind.name.removeprefix("mjEQ_").lower()
-                raise self._lacks(f"the equality {name!r} of the kind {word!r}")
-            self._add_loop(k, name, is_weld=kind == mujoco.mjtEq.mjEQ_WELD)
+                raise self._lacks(f"the equality {name!r} is of the kind {word!r}")
+            if model.eq_objtype[k] != mujoco.mjtObj.mjOBJ_BODY:
+                raise self._lacks(f"the equality {name!r} is between sites")
+            if is_weld and not model.eq_data[k, 10]:
+                raise self._lacks(f"the weld {name!r} holds no angle (torquescale)")
+            self._add_loop(k, name, is_weld=is_weld)
 
     def _add_loop(self, k: int, name: str, *, is_weld: bool) -> None:
         model, data = self.model, self.data
@@ -872,45 +874,13 @@ class _Reader:
 
     def _add_effort(self, joint: int, name: str, weight: float, parts: FloatArray) -> None:
         """Add weight * (c0 + c1 l + c2 dl/dt) on a joint, with l = weight * qpos."""
-        model = self.model
-        address = int(model.jnt_qposadr[joint])
-        constant, slope, rate = weight * parts * (1.0, weight, weight)
+        constant, slope, rate = (float(c) for c in weight * parts * (1.0, weight, weight))
         if slope > 0 or rate > 0:
             raise self._lacks(f"{name!r} has a negative stiffness or damping")
-        own = self.home[int(model.jnt_bodyid[joint])]
-        made = next(each for each in self.joints if each.child == own)
-        element = self.element_names.new(name, "")
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE:
-            axis = self.plane.vector(self._axis(joint))
-            along = [_dot(direction, axis) for direction in made.free_directions]
-            at = max(range(len(along)), key=lambda i: abs(along[i]))
-            if abs(abs(along[at]) - 1.0) > _ALONG:
-                raise self._lacks(f"{name!r} acts along an oblique slide")
-            self.forces.append(
-                SlideSpringDamper(
-                    name=element, body=own, relative_to=made.parent, coordinate=made.slides[at],
-                    stiffness=abs(slope), damping=abs(rate), force=_sign(along[at]) * constant,
-                )
-            )  # fmt: skip
-            return
-        sense = self.plane.sense(self._axis(joint))
-        between: dict[str, Any] = {"body": own, "relative_to": made.parent}
         if slope or rate:
-            # Its spring is at rest where MuJoCo's coordinate is zero.
-            rest = -sense * float(model.qpos0[address])
-            self.forces.append(
-                RotationalSpringDamper(
-                    name=element,
-                    **between,
-                    stiffness=abs(slope),
-                    damping=abs(rate),
-                    rest_angle=rest,
-                )
-            )
-            element = self.element_names.new(f"{name} torque", "")
+            self._add_spring(self.made[joint], name, abs(slope), abs(rate), 0.0)
         if constant:
-            torque = sense * constant
-            self.forces.append(ConstantTorque(name=element, **between, torque=torque))
+            self._add_force(self.made[joint], name, constant)
 
 
 def _vector(value: complex) -> Vector:
