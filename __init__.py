@@ -46,7 +46,7 @@ _PUBLIC = {
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
     "PointStop PrismaticJoint RotationalSpringDamper RotorInertia SlideSpringDamper SlotJoint "
-    "SpringDamper Stop WeldJoint",
+    "SpringDamper Stop TranslationJoint WeldJoint",
     "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """

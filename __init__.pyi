@@ -31,6 +31,7 @@ from .models.elements import (
     SlotJoint,
     SpringDamper,
     Stop,
+    TranslationJoint,
     WeldJoint,
 )
 from .models.errors import (
@@ -93,6 +94,7 @@ __all__ = [
     "Stop",
     "StopLaw",
     "Trajectory",
+    "TranslationJoint",
     "TrebucheckError",
     "TrebuchetParameters",
     "UnsupportedProblemError",

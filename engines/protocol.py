@@ -24,6 +24,7 @@ from ..models.elements import (
     PointStop,
     PrismaticJoint,
     SlotJoint,
+    TranslationJoint,
     WeldJoint,
 )
 from ..models.errors import (
@@ -78,6 +79,7 @@ class Capabilities:
 
 _FEATURES_OF_CLASSES: Mapping[type, Feature] = {
     FreeJoint: Feature.FREE_JOINT,
+    TranslationJoint: Feature.TRANSLATION,
     SlotJoint: Feature.MOVING_SLOT,
     PrismaticJoint: Feature.PRISMATIC,
     WeldJoint: Feature.WELD,

@@ -73,11 +73,11 @@ class RandomModel:
         self.bodies.append(name)
         kinds = [("hinge",), ("slide",), ("slide", "hinge")]
         if in_world:
-            kinds.append(("slide", "slide", "hinge"))
+            kinds += [("slide", "slide", "hinge"), ("slide", "slide")]
         chosen = kinds[int(self.random.integers(len(kinds)))]
         angle = self._number(-3, 3)
         # Two slides in the world are along its x and y here, as springs on them need it.
-        free = len(chosen) == 3
+        free = chosen[:2] == ("slide", "slide")
         joints, first = "", 0.0 if free else self._number(0, 2 * np.pi)
         for k, kind in enumerate(chosen):
             joints += self._joint(kind, angle, first + k * np.pi / 2)

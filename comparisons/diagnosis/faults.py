@@ -30,6 +30,7 @@ from ...models.elements import (
     PrismaticJoint,
     SlotJoint,
     Stop,
+    TranslationJoint,
     WeldJoint,
     refuse_unknown,
 )
@@ -280,13 +281,21 @@ _AXIS: ElementTable[Callable[[Any], Vector | None]] = ElementTable(
         SlotJoint: lambda joint: joint.axis,
         PrismaticJoint: lambda joint: joint.axis,
         FreeJoint: lambda _: None,
+        TranslationJoint: lambda _: None,
     },
 )
 """Direction in which the two bodies slide."""
 _TURNS: ElementTable[bool] = ElementTable(
     "The diagnosis",
     JOINTS,
-    {PinJoint: True, WeldJoint: False, SlotJoint: True, PrismaticJoint: False, FreeJoint: False},
+    {
+        PinJoint: True,
+        WeldJoint: False,
+        SlotJoint: True,
+        PrismaticJoint: False,
+        FreeJoint: False,
+        TranslationJoint: False,
+    },
 )
 """Whether two bodies turn against each other in a joint: a free body turns against none."""
 

@@ -322,6 +322,12 @@ class Builder:
         """Add the sensors of a joint that holds nothing."""
         self.observe_relative(on_joint(joint))
 
+    def add_translation(self, joint: elements.TranslationJoint) -> None:
+        """Add the sensors of a joint, and a constraint that holds the angle alone."""
+        self.add_free(joint)
+        rotations = self.rotations(joint.parent, joint.child)
+        self.add(items.ObjectConnectorCoordinate(markerNumbers=rotations))
+
     def add_pin(self, joint: elements.PinJoint | elements.WeldJoint) -> None:
         """Add a revolute joint."""
         item = items.ObjectJointRevolute2D(markerNumbers=self._frames(joint))
@@ -498,6 +504,7 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.SlotJoint: Builder.add_slot,
         elements.PrismaticJoint: Builder.add_slot,
         elements.FreeJoint: Builder.add_free,
+        elements.TranslationJoint: Builder.add_translation,
         elements.Stop: Builder.add_angle_limit,
         elements.PointStop: Builder.add_point_contact,
         elements.SpringDamper: Builder.add_point_spring,

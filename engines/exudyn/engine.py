@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import CubicTorsionSpring, SlideSpringDamper
+from ...models.elements import CubicTorsionSpring, SlideSpringDamper, TranslationJoint
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -20,6 +20,7 @@ from .study import STUDY
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     CubicTorsionSpring,
     SlideSpringDamper,
+    TranslationJoint,
 }
 """Classes that the tables of :mod:`.build` have a handler for; these need the library."""
 _ALONE: Mapping[str, object] = {

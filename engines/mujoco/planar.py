@@ -33,6 +33,7 @@ from ...models.elements import (
     SlideSpringDamper,
     SlotJoint,
     Stop,
+    TranslationJoint,
     WeldJoint,
 )
 from ...models.errors import InputError, UnsupportedProblemError
@@ -464,11 +465,15 @@ class _Reader:
         return np.array([0.0, -1.0, 0.0])
 
     def _slides_of_a_free_body(self) -> list[FloatArray]:
-        """Axes of the first body with two slides and a hinge in the world."""
-        model = self.model
+        """Axes of the first body in the world that begins with two slides."""
+        model, slide = self.model, mujoco.mjtJoint.mjJNT_SLIDE
         for body in range(1, model.nbody):
             first = int(model.body_jntadr[body])
-            if model.body_jntnum[body] == 3 and model.body_weldid[model.body_parentid[body]] == 0:
+            in_world = model.body_weldid[model.body_parentid[body]] == 0
+            two = model.body_jntnum[body] >= 2 and np.all(
+                model.jnt_type[first : first + 2] == slide
+            )
+            if in_world and two:
                 return [self._axis(joint) for joint in (first, first + 1)]
         return []
 
@@ -556,6 +561,9 @@ class _Reader:
             case [k, m, n] if (k, m, n) == (slide, slide, hinge) and parent == GROUND:
                 ends["name"] = self.joint_names.new(f"{own} joint", "")
                 self.joints.append(FreeJoint(**ends, **self._free(joints[:2], names[:2], anchor)))
+            case [k, m] if (k, m) == (slide, slide) and parent == GROUND:
+                ends["name"] = self.joint_names.new(f"{own} joint", "")
+                self.joints.append(TranslationJoint(**ends, **self._free(joints, names, anchor)))
             case _:
                 words = ", ".join(
                     f"{n!r} ({'hinge' if k == hinge else 'slide'})"
@@ -563,7 +571,8 @@ class _Reader:
                 )
                 raise UnsupportedProblemError(
                     f"{self.name!r}: the body {own!r} has the joints {words}; read are one hinge, "
-                    "one slide, a slide and a hinge, and two slides and a hinge in the world."
+                    "one slide, a slide and a hinge, and in the world two slides, alone or with a "
+                    "hinge."
                 )
         for joint, name, kind in zip(joints, names, kinds, strict=True):
             made = _Made(joint, name, kind == hinge, self.joints[-1])

@@ -318,6 +318,7 @@ JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.PrismaticJoint: _Builder.add_groove,
         elements.FreeJoint: _Builder.add_nothing,
     },
+    {elements.TranslationJoint: "our adapter builds no joint that holds an angle alone"},
 )
 STOP_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk by itself",

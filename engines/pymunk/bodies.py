@@ -167,6 +167,7 @@ _TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
         elements.SlotJoint: ("axis",),
         elements.PrismaticJoint: ("angle", "axis"),
         elements.FreeJoint: (),
+        elements.TranslationJoint: ("angle",),
         elements.Stop: ("limit",),
         elements.PointStop: ("normal", "offset"),
         elements.SpringDamper: (),

@@ -344,6 +344,7 @@ TREE_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = el
         elements.PrismaticJoint: _Builder.add_slide,
         elements.FreeJoint: _Builder.add_nothing,
     },
+    {elements.TranslationJoint: "our adapter builds no joint that holds an angle alone"},
 )
 LOOP_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk's loops",
@@ -354,7 +355,10 @@ LOOP_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = el
         elements.SlotJoint: _Builder.add_slide,
         elements.PrismaticJoint: _Builder.add_slide,
     },
-    {elements.FreeJoint: "a free joint closes no loop"},
+    {
+        elements.FreeJoint: "a free joint closes no loop",
+        elements.TranslationJoint: "it closes no loop",
+    },
 )
 STOP_BUILDERS: elements.ElementTable[
     Callable[[_Builder, Any], tuple[constraints.Constraint, Rod | None]]

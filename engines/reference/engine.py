@@ -13,7 +13,12 @@ import numpy as np
 from pydantic import Field
 
 from ...models.arrays import FloatArray
-from ...models.elements import CubicTorsionSpring, RotorInertia, SlideSpringDamper
+from ...models.elements import (
+    CubicTorsionSpring,
+    RotorInertia,
+    SlideSpringDamper,
+    TranslationJoint,
+)
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -34,6 +39,7 @@ BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     CubicTorsionSpring,
     RotorInertia,
     SlideSpringDamper,
+    TranslationJoint,
 }
 """Classes of elements that both formulations have; the tests hold it against the second one's."""
 

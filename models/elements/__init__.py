@@ -28,6 +28,7 @@ from .rotor_inertia import RotorInertia
 from .slide_spring_damper import SlideSpringDamper
 from .slot import SlotJoint
 from .spring_damper import SpringDamper
+from .translation import TranslationJoint
 from .weld import WeldJoint
 
 __all__ = [
@@ -59,12 +60,20 @@ __all__ = [
     "SlotJoint",
     "SpringDamper",
     "Stop",
+    "TranslationJoint",
     "TwoBodyForceElement",
     "WeldJoint",
     "refuse_unknown",
 ]
 
-JOINTS: tuple[type, ...] = (PinJoint, WeldJoint, SlotJoint, PrismaticJoint, FreeJoint)
+JOINTS: tuple[type, ...] = (
+    PinJoint,
+    WeldJoint,
+    SlotJoint,
+    PrismaticJoint,
+    FreeJoint,
+    TranslationJoint,
+)
 STOPS: tuple[type, ...] = (Stop, PointStop)
 FORCE_ELEMENTS: tuple[type, ...] = (
     SpringDamper,
@@ -91,7 +100,7 @@ def refuse_unknown(consumer: str, elements: Iterable[object]) -> None:
             raise UnsupportedProblemError(refusal(consumer, element, None))
 
 
-AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint
+AnyJoint = PinJoint | WeldJoint | SlotJoint | PrismaticJoint | FreeJoint | TranslationJoint
 Joint = Annotated[AnyJoint, Field(discriminator="kind")]
 
 # In the order of the schemas, in which an element of a later release comes last.

@@ -58,6 +58,7 @@ class Feature(StrEnum):
     CUBIC_SPRING = "torsion springs with a cubic term"
     ROTOR_INERTIA = "rotor inertias"
     SLIDE_SPRING = "springs and dampers along slides"
+    TRANSLATION = "translation joints"
 
 
 class Geometry(Protocol):

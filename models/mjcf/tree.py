@@ -25,6 +25,7 @@ from ..elements import (
     PinJoint,
     PrismaticJoint,
     SlotJoint,
+    TranslationJoint,
     WeldJoint,
 )
 from ..mechanism import Body, Mechanism
@@ -39,6 +40,7 @@ SLIDES: ElementTable[tuple[str, ...]] = ElementTable(
         SlotJoint: ("slide",),
         PrismaticJoint: ("slide",),
         FreeJoint: ("x", "y"),
+        TranslationJoint: ("x", "y"),
     },
 )
 

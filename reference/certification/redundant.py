@@ -221,6 +221,7 @@ _HELD: ElementTable[Callable[[Any], tuple[complex, ...]]] = ElementTable(
         elements.SlotJoint: lambda joint: (1j * complex(*joint.axis),),
         elements.PrismaticJoint: lambda joint: (1j * complex(*joint.axis),),
         elements.FreeJoint: lambda joint: (),
+        elements.TranslationJoint: lambda joint: (),
     },
 )
 """Directions, in the parent's frame, in which each joint holds the child's point."""

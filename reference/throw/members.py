@@ -28,6 +28,7 @@ from ...models.elements import (
     PinJoint,
     PrismaticJoint,
     SlotJoint,
+    TranslationJoint,
     WeldJoint,
 )
 from ...models.errors import InputError
@@ -179,7 +180,7 @@ _UPWARDS: ElementTable[Callable[[Any], Vector]] = ElementTable(
         PrismaticJoint: _vertical,
         SlotJoint: _normal_to_slot,
     },
-    {FreeJoint: "it holds nothing"},
+    {FreeJoint: "it holds nothing", TranslationJoint: "it holds no force"},
 )
 
 

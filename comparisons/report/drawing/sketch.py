@@ -41,6 +41,7 @@ from ....models.elements import (
     SlotJoint,
     SpringDamper,
     Stop,
+    TranslationJoint,
     WeldJoint,
 )
 from ....models.kinematics import Kinematics, PointCoefficients
@@ -552,6 +553,7 @@ JOINT_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
         SlotJoint: _add_slot,
         PrismaticJoint: _add_slider,
         FreeJoint: _add_nothing,
+        TranslationJoint: _add_nothing,
     },
 )
 STOP_SYMBOLS: ElementTable[Callable[[Sketch, Any], tuple[int, int]]] = ElementTable(

@@ -24,6 +24,7 @@ from trebucheck.models.elements import (
     PrismaticJoint,
     SlotJoint,
     Stop,
+    TranslationJoint,
     WeldJoint,
 )
 from trebucheck.models.errors import UnsupportedProblemError
@@ -189,6 +190,7 @@ _JOINTS: ElementTable[Callable[[Any], _Made]] = ElementTable(
         SlotJoint: _slot,
         FreeJoint: _free,
     },
+    {TranslationJoint: "our adapter builds no joint that holds an angle alone"},
 )
 
 

@@ -35,6 +35,7 @@ from trebucheck.models.elements import (
     SlotJoint,
     SpringDamper,
     Stop,
+    TranslationJoint,
     WeldJoint,
 )
 from trebucheck.models.errors import UnsupportedProblemError
@@ -209,6 +210,7 @@ _JOINTS: ElementTable[str] = ElementTable(
         PrismaticJoint: "_slide",
         FreeJoint: "_free",
     },
+    {TranslationJoint: "our adapter builds no joint that holds an angle alone"},
 )
 """Names of methods, which scenes of engines may override."""
 _STOPS: ElementTable[str] = ElementTable(
