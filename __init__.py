@@ -25,6 +25,7 @@ from .version import __version__ as __version__
 # stays quick and free of engines. `__init__.pyi` has the same for type checkers; a test holds the
 # two equal.
 _PUBLIC = {
+    "comparisons.audit": "audit",
     "comparisons.campaigns.campaign": "campaign open_campaign",
     "comparisons.certify": "certify",
     "comparisons.compare": "compare",

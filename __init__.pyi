@@ -1,5 +1,6 @@
 """The public names for type checkers; `__init__.py` loads them when they are first asked for."""
 
+from .comparisons.audit import audit
 from .comparisons.campaigns.campaign import campaign, open_campaign
 from .comparisons.certify import certify
 from .comparisons.compare import compare
@@ -100,6 +101,7 @@ __all__ = [
     "UnsupportedProblemError",
     "WeldJoint",
     "__version__",
+    "audit",
     "campaign",
     "catapult",
     "certify",

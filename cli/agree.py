@@ -104,6 +104,40 @@ def judge_command(call: Call) -> bool:
 
 
 @command(
+    "file until accuracy keyframe qpos qvel ctrl without quiet json",
+    folder("audit", "Folder for audit.html and audit.json."),
+    file=argument("MJCF or URDF file of a model that moves in a plane.", Path),
+    until=option("--until", "End of what is compared (s).", float, 5.0),
+    accuracy=option(
+        "--accuracy",
+        "Error for which the cheapest options are looked for (m); 1 % of the longest way by "
+        "default.",
+        float | None,
+    ),
+)
+def audit_command(call: Call) -> None:
+    """Tell how far the simulation of a model file is from the mechanics, and until when.
+
+    The file is moved by its engine as it is given, and with other integrators and steps, and held
+    against the reference motion of the mechanism in it, up to the first contact or the
+    predictability horizon. Ends with the cheapest option that holds an accuracy, ready to paste.
+
+    Example: trebucheck audit cartpole.xml --qpos 0,0.1
+    """
+    from ..comparisons.audit import audit
+    from ..comparisons.report.pages.audit import document
+    from ..models.files import refuse_unwritable
+
+    refuse_unwritable(call.out)
+    with call.progress(width=24) as show:
+        found = audit(
+            call.file, call.until, accuracy=call.accuracy, progress=show, **call.model_start()
+        )
+    found = found.made_by(call.command_line)
+    call.publish("audit.json", found.to_json(), document(found), "audit.html", "Page")
+
+
+@command(
     "engine tier problem deviations cluster timeout quiet json",
     folder("conformance", "Folder for certificate.html, badge.svg and conformance.json."),
     engine=argument(

@@ -48,6 +48,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     _AGREE: {
         "compare": agree.compare_command,
         "judge": agree.judge_command,
+        "audit": agree.audit_command,
         "conform": agree.conform_command,
         "matrix": agree.matrix_command,
         "diff": agree.diff_command,

@@ -132,6 +132,15 @@ class Call:
         """The mechanism of the one model."""
         return mechanism_of(self.only_model())
 
+    def model_start(self) -> dict[str, Any]:
+        """Keywords of a model file's start, and of what of it is left out."""
+        how: dict[str, Any] = {
+            name: options.numbers(text, f"--{name}")
+            for name in ("qpos", "qvel", "ctrl")
+            if (text := self.values[name]) is not None
+        }
+        return {**how, "keyframe": self.keyframe, "without": self.names("without") or ()}
+
     def names(self, option: str) -> list[str] | None:
         """A comma list; None, which stands for all, where nothing is said."""
         return options.chosen_names(self.values[option], f"--{option}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -52,14 +52,6 @@ def show_command(call: Call) -> None:
     "file keyframe qpos qvel ctrl without",
     folder(None, "JSON file to write; printed where left out."),
     file=argument("MJCF or URDF file of a model that moves in a plane.", Path),
-    keyframe=option("--keyframe", "Name or number of the file's keyframe to start from."),
-    qpos=option("--qpos", "Positions at the start, in the file's order (rad, m), as 0.1,0,2."),
-    qvel=option("--qvel", "Velocities at the start, in the file's order (rad/s, m/s)."),
-    ctrl=option("--ctrl", "Controls, constant, in the file's order."),
-    without=option(
-        "--without",
-        "Features to leave out: limits, friction-loss, fluid, actuators, equalities, tendons.",
-    ),
 )
 def read_command(call: Call) -> None:
     """Read an MJCF or URDF file that moves in a plane, from a start, as a mechanism in JSON.
@@ -73,13 +65,7 @@ def read_command(call: Call) -> None:
     from ..comparisons.runs.model_files import read_model_file
     from ..models.files import write_text
 
-    start: dict[str, Any] = {
-        name: options.numbers(text, f"--{name}")
-        for name in ("qpos", "qvel", "ctrl")
-        if (text := call.values[name]) is not None
-    }
-    without = call.names("without") or ()
-    read = read_model_file(call.file, keyframe=call.keyframe, without=without, **start)
+    read = read_model_file(call.file, **call.model_start())
     if call.out is None:
         typer.echo(read.mechanism.to_json())
     else:

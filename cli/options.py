@@ -267,6 +267,14 @@ OPTIONS = {
         False,
     ),
     "timeout": timeout(600.0, "Longest wait for one run (s)."),
+    "keyframe": option("--keyframe", "Name or number of the file's keyframe to start from."),
+    "qpos": option("--qpos", "Positions at the start, in the file's order (rad, m), as 0.1,0,2."),
+    "qvel": option("--qvel", "Velocities at the start, in the file's order (rad/s, m/s)."),
+    "ctrl": option("--ctrl", "Controls, constant, in the file's order."),
+    "without": option(
+        "--without",
+        "Features to leave out: limits, friction-loss, fluid, actuators, equalities, tendons.",
+    ),
     "quiet": option("--quiet -q", "Print only the verdict in a line, and the files.", bool, False),
     "json": option("--json", "Print the results as JSON, and nothing else.", bool, False),
 }

@@ -25,6 +25,7 @@ import trebucheck as tb
 import typer
 from executed import refresh_notebook, refresh_page
 from trebucheck.cli.app import app
+from trebucheck.comparisons.audit import Audit
 from trebucheck.comparisons.campaigns.store import CampaignFile
 from trebucheck.comparisons.compare import Comparison, RunKey
 from trebucheck.comparisons.converge import Studies
@@ -115,6 +116,7 @@ SCHEMAS = {
     "converge": Studies,
     "campaign": CampaignFile,
     "explain": Explanation,
+    "audit": Audit,
     "horizon": Horizon,
     "proof": ProofFile,
     "published": PublishedFigures,

@@ -303,6 +303,22 @@ class ModelStates:
     """
 
 
+@dataclass(frozen=True)
+class GivenRun:
+    """A model file moved by its engine as it is given, or with other options."""
+
+    t: FloatArray
+    """Times of the steps, shape (n,) [s]."""
+    q: FloatArray
+    """Coordinates of the mechanism that was read, shape (n, n_q)."""
+    u: FloatArray
+    """Their speeds, shape (n, n_q)."""
+    contact: float | None
+    """First time at which geoms touch, which no mechanism has [s]; None: they do not."""
+    processor_time: float
+    """Processor time of the steps alone [s]."""
+
+
 class ModelFile(Protocol):
     """A model file of an engine as a mechanism, and how its coordinates follow from the file's."""
 
@@ -316,8 +332,30 @@ class ModelFile(Protocol):
         """Features of the file that the mechanism has not, each in a few words."""
         ...
 
+    @property
+    def options(self) -> Mapping[str, JsonValue]:
+        """Options that the file gives: "integrator" and "timestep" [s]."""
+        ...
+
+    @property
+    def integrators(self) -> tuple[str, ...]:
+        """Integrators of the engine that an audit tries."""
+        ...
+
+    def option_text(self, integrator: str, timestep: float) -> str:
+        """Text of these options, as it stands in a file."""
+        ...
+
     def random_states(self, number: int) -> ModelStates:
         """The engine's own values at random states, without stops and loops."""
+        ...
+
+    def moved(self, duration: float, integrator: str, timestep: float) -> GivenRun:
+        """Move the file's own model, nothing left out, with an integrator and a step [s].
+
+        Raises:
+            SimulationError: its state is not finite any more.
+        """
         ...
 
 

@@ -12,10 +12,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
+from time import process_time
 from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
@@ -36,10 +39,11 @@ from ...models.elements import (
     TranslationJoint,
     WeldJoint,
 )
-from ...models.errors import InputError, UnsupportedProblemError
+from ...models.errors import InputError, SimulationError, UnsupportedProblemError
 from ...models.mechanism import Body, Marker, Mechanism
+from ...models.mjcf.tree import number
 from ...models.spec import Vector
-from ..study import ModelStates
+from ..study import GivenRun, ModelStates
 from .compat import mujoco
 
 _ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
@@ -48,6 +52,9 @@ _FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
 _FASTEST = 2.0  # [rad/s, m/s]
 
 _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
+
+_INTEGRATOR = "mjINT_"
+_INTEGRATORS = ("Euler", "implicitfast", "RK4")
 
 CONTACTS = "contacts"
 LEAVABLE: dict[str, str] = {
@@ -118,6 +125,12 @@ class PlanarModel:
     mechanism: Mechanism
     model: Any
     """MuJoCo's, without what was left out."""
+    given: Any
+    """MuJoCo's, as it was given."""
+    qpos: FloatArray
+    """Start, shape (nq,)."""
+    qvel: FloatArray
+    """Start, shape (nv,)."""
     plane: Plane
     rows: FloatArray
     """C in q = offset + C qpos and u = C qvel, shape (n_q, nv)."""
@@ -141,6 +154,60 @@ class PlanarModel:
     def speeds(self, qvel: FloatArray) -> FloatArray:
         """Speeds of MuJoCo's velocities, shape (..., n_q)."""
         return qvel @ self.rows.T
+
+    @property
+    def options(self) -> Mapping[str, JsonValue]:
+        """Integrator and step [s] of the file."""
+        integrator = mujoco.mjtIntegrator(int(self.given.opt.integrator))
+        name = integrator.name.removeprefix(_INTEGRATOR)
+        known = {each.upper(): each for each in _INTEGRATORS}
+        step = float(self.given.opt.timestep)
+        return {"integrator": known.get(name, name.lower()), "timestep": step}
+
+    @property
+    def integrators(self) -> tuple[str, ...]:
+        """Integrators that an audit tries."""
+        return _INTEGRATORS
+
+    def option_text(self, integrator: str, timestep: float) -> str:
+        """The element of MJCF with these options."""
+        return f'<option integrator="{integrator}" timestep="{number(timestep)}"/>'
+
+    def moved(self, duration: float, integrator: str, timestep: float) -> GivenRun:
+        """Move the file's own model with an integrator and a step [s].
+
+        Raises:
+            SimulationError: its state is not finite any more.
+        """
+        model = copy(self.given)
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"{_INTEGRATOR}{integrator.upper()}")
+        model.opt.timestep = timestep
+        # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        steps = max(1, math.ceil(duration / timestep - 1e-9))
+        data = self._start(model)
+        began = process_time()
+        mujoco.mj_step(model, data, nstep=steps)
+        spent, data = process_time() - began, self._start(model)
+        qpos, qvel = np.empty((steps + 1, model.nq)), np.empty((steps + 1, model.nv))
+        qpos[0], qvel[0], contact = data.qpos, data.qvel, None
+        for k in range(1, steps + 1):
+            mujoco.mj_step(model, data)
+            qpos[k], qvel[k] = data.qpos, data.qvel
+            if data.ncon and contact is None:
+                contact = float(data.time)
+        if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
+            raise SimulationError(
+                f"{self.mechanism.name!r} diverges with the integrator {integrator!r} at a step of "
+                f"{timestep:g} s."
+            )
+        t = timestep * np.arange(steps + 1, dtype=np.float64)
+        return GivenRun(t, self.coordinates(qpos), self.speeds(qvel), contact, spent)
+
+    def _start(self, model: Any) -> Any:
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = self.qpos, self.qvel, self.ctrl
+        return data
 
     def random_states(self, number: int) -> ModelStates:
         """MuJoCo's own values at random states about `qpos0`, without constraints."""
@@ -311,6 +378,7 @@ class _Reader:
 
     def read(self) -> PlanarModel:
         """Read all."""
+        self.given = copy(self.model)
         self._refuse_features()
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = self.model.qpos0
@@ -344,8 +412,8 @@ class _Reader:
             start_speeds=tuple((rows @ self.qvel).tolist()) if self.qvel.any() else (),
         )
         return PlanarModel(
-            mechanism, self.model, self.plane, rows, offset, self.ctrl, self.limits, self.sites,
-            self.equalities, tuple(self.left_out),
+            mechanism, self.model, self.given, self.qpos, self.qvel, self.plane, rows, offset,
+            self.ctrl, self.limits, self.sites, self.equalities, tuple(self.left_out),
         )  # fmt: skip
 
     # --- features

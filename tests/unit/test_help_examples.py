@@ -27,6 +27,7 @@ NEEDS = {
     "campaign machine": "a campaign",
     "campaign shrink": "a campaign",
     "models read": "a model's file",
+    "audit": "a model's file",
 }
 
 

@@ -36,19 +36,21 @@ def _pages() -> dict[type, Callable[[Any], Document]]:
     """Maker of the report of each class of results; imported when the first report is made."""
     from ....reference.certification.certificate import Certificate
     from ....reference.throw.throw import Throw
+    from ...audit import Audit
     from ...compare import Comparison
     from ...converge import Studies
     from ...diff import Difference
     from ...explain import Explanation
     from ...horizon import Horizon
     from ...recommend import Advice
-    from . import compare, converge, diff, explain, horizon, recommend, run, throw
+    from . import audit, compare, converge, diff, explain, horizon, recommend, run, throw
 
     made: dict[type, Callable[[Any], Document]] = {
         Comparison: compare.document,
         Studies: converge.document,
         Explanation: explain.document,
         Horizon: horizon.document,
+        Audit: audit.document,
         Advice: recommend.document,
         Difference: diff.document,
         Trajectory: run.document,

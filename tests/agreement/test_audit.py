@@ -1,0 +1,162 @@
+"""Audits of model files: errors against closed forms, ends, advice, and files that diverge."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.cli.app import main
+from trebucheck.comparisons.audit import Audit
+from trebucheck.comparisons.report.pages.audit import document
+from trebucheck.models.spec import schema_text
+from trebucheck.version import __version__
+
+ROOT = Path(__file__).parents[2]
+RATE, STEP = 4.0, 0.01
+
+
+def oscillator(integrator: str = "Euler", step: float = STEP, stiffness: float = RATE**2) -> str:
+    """A unit mass on a spring along a slide, with the rate of 4 rad/s."""
+    return (
+        f'<mujoco model="oscillator"><option integrator="{integrator}" timestep="{step!r}"/>'
+        '<worldbody><body name="mass"><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        f'<joint name="s" type="slide" axis="1 0 0" stiffness="{stiffness!r}"/>'
+        '<site name="here"/></body></worldbody></mujoco>'
+    )
+
+
+def falling(height: float) -> str:
+    """A ball that falls onto a floor."""
+    return (
+        '<mujoco model="ball"><option timestep="0.001"/><worldbody>'
+        '<geom name="floor" type="plane" size="1 1 1"/><body name="ball" '
+        f'pos="0 0 {height!r}"><joint name="z" type="slide" axis="0 0 1"/>'
+        '<geom name="ball" size="0.1" mass="1"/></body></worldbody></mujoco>'
+    )
+
+
+def run_of(found: Audit, integrator: str, step: float) -> Any:
+    """The run with an integrator and a step."""
+    return next(
+        run
+        for run in found.runs
+        if run.integrator == integrator and math.isclose(run.timestep, step)
+    )
+
+
+def test_the_error_is_that_of_the_schemes_own_recursion() -> None:
+    """MuJoCo's Euler: the speed first, then the place with the new speed."""
+    found = tb.audit(oscillator(), 1.0, qpos=[0.5])
+    x, v, off = 0.5, 0.0, [0.0]
+    for k in range(1, 101):
+        v -= RATE**2 * x * STEP
+        x += v * STEP
+        off.append(abs(x - 0.5 * math.cos(RATE * k * STEP)))
+    # The reference's own error, which its tests hold to 1e-11
+    assert found.given.error == pytest.approx(max(off), abs=1e-11)
+    assert [each.error for each in found.errors] == pytest.approx(
+        [max(off[: n + 1]) for n in (10, 25, 50, 100)], abs=1e-11
+    )
+    assert found.size == pytest.approx(1.0, abs=1e-3)  # from 0.5 to -0.5, by 400 samples
+    beyond = next(k for k, each in enumerate(off) if each > 0.01 * found.size)
+    assert found.given.leaves == pytest.approx(beyond * STEP)
+    assert found.given.steps == 100
+    assert found.ended == ""
+
+
+@pytest.mark.parametrize(("integrator", "order"), [("Euler", 1), ("RK4", 4)])
+def test_errors_fall_with_the_order_of_the_integrator(integrator: str, order: int) -> None:
+    found = tb.audit(oscillator(), 1.0, qpos=[0.5])
+    errors = [run_of(found, integrator, part * STEP).error for part in (1, 0.5, 0.25)]
+    ratios = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert ratios == pytest.approx([order, order], abs=0.1)
+
+
+def test_the_cheapest_option_holds_what_it_says(tmp_path: Path) -> None:
+    found = tb.audit(oscillator(), 1.0, qpos=[0.5], accuracy=1e-6)
+    assert found.cheapest is not None
+    assert "RK4" in found.cheapest
+    text = oscillator()
+    begin, end = text.index("<option"), text.index("/>") + 2
+    path = tmp_path / "cheapest.xml"
+    path.write_text(text[:begin] + found.cheapest + text[end:])
+    again = tb.audit(path, 1.0, qpos=[0.5])
+    assert again.given.error is not None
+    assert again.given.error <= 1e-6
+    assert tb.audit(oscillator(), 1.0, qpos=[0.5], accuracy=1e-15).cheapest is None
+
+
+def test_a_contact_ends_what_is_compared() -> None:
+    found = tb.audit(falling(1.0), 2.0)
+    touches = math.sqrt(2 * 0.9 / 9.81)
+    assert found.compared_to == pytest.approx(touches, abs=2e-3)
+    assert "touch" in found.ended
+    # The given step's error of a fall: h/2 g t.
+    assert found.given.error == pytest.approx(0.5e-3 * 9.81 * touches, rel=0.01)
+
+
+def test_the_horizon_ends_what_is_compared() -> None:
+    """Two rods from above: their motion cannot be predicted for a minute."""
+    rods = (
+        '<mujoco model="rods"><option timestep="0.02"/><worldbody><body name="a">'
+        '<joint name="a" type="hinge" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 1" size=".05"/><body name="b" pos="0 0 1">'
+        '<joint name="b" type="hinge" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 0 0 1" size=".05"/>'
+        "</body></body></worldbody></mujoco>"
+    )
+    found = tb.audit(rods, 30.0, qpos=[0.1, 0.2])
+    assert found.compared_to < 30.0
+    assert "predicts" in found.ended
+
+
+def test_what_diverges_is_a_row_and_not_a_lost_audit() -> None:
+    """An explicit Euler step is unstable beyond 2 / rate: four of these are, one is not."""
+    found = tb.audit(oscillator(step=0.015, stiffness=1e4), 3.0, qpos=[0.1])
+    coarse = run_of(found, "Euler", 0.06)
+    assert coarse.error is None or coarse.error > 1.0
+    assert found.given.error is not None
+    assert math.isfinite(found.given.error)
+
+
+@pytest.mark.parametrize(
+    ("until", "how", "message"),
+    [
+        (-1.0, {}, "until = -1.0"),
+        (math.nan, {}, "until"),
+        (math.inf, {}, "until"),
+        (1.0, {"accuracy": 0.0}, "accuracy = 0.0"),
+        (1.0, {"qpos": [0.0, 1.0]}, "qpos"),
+    ],
+)
+def test_what_is_not_valid_is_refused(until: float, how: dict[str, Any], message: str) -> None:
+    with pytest.raises(tb.InputError, match=message):
+        tb.audit(oscillator(), until, **how)
+
+
+def test_the_page_shows_the_runs_numbers_and_json_comes_back() -> None:
+    found = tb.audit(oscillator(), 1.0, qpos=[0.5])
+    assert Audit.from_json(found.to_json()) == found
+    assert found.trebucheck_version == __version__
+    page = document(found)
+    assert page.verdict == found.headline()
+    assert len(found.to_dataframe()) == len(found.runs)
+    schema = ROOT / "comparisons" / "schemas" / "audit.schema.json"
+    assert schema.read_text() == schema_text(Audit), "`make generated` writes the schemas anew"
+
+
+def test_the_command_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, out = tmp_path / "oscillator.xml", tmp_path / "out"
+    path.write_text(oscillator())
+    words = ["audit", str(path), "--qpos", "0.5", "--until", "1", "--out", str(out)]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert "as given is off by" in told
+    assert "<option integrator=" in told
+    assert (out / "audit.html").read_text().count("RK4") > 3
+    assert Audit.from_json((out / "audit.json").read_text()).model == "oscillator"
+    assert main(["audit", str(tmp_path / "absent.xml"), "--out", str(out)]) == 2
