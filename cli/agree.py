@@ -110,7 +110,7 @@ def judge_command(call: Call) -> bool:
     until=option("--until", "End of what is compared (s).", float, 5.0),
     accuracy=option(
         "--accuracy",
-        "Error for which the cheapest options are looked for (m); 1 % of the longest way by "
+        "Error for which the cheapest options are looked for (m); 1 % of the motion's size by "
         "default.",
         float | None,
     ),

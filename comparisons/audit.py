@@ -33,6 +33,7 @@ _MOST_STEPS = 400_000  # of one run
 _SHARE = 0.01  # of the motion's size: what a simulation has left when it is off by more
 _TIMES = (0.1, 0.25, 0.5, 1.0)  # at which the error is told, in parts of the compared time
 _POINTS = 400  # of a curve
+_AT_REST = 1e-9  # [m] size of a motion that is none
 _LONGEST = 5.0  # [s] that is compared where no time is asked for
 
 Progress = Callable[[str, int, int], None]
@@ -76,7 +77,10 @@ class Audit(Reported, ResultFile):
     asked: Real = Field(description="end that was asked for [s]")
     compared_to: Real = Field(description="end of what is compared [s]")
     ended: str = Field(description="why that is earlier; empty: it is not")
-    size: Real = Field(description="longest way of any point in the reference motion [m]")
+    size: Real = Field(
+        description="of the reference motion: the diagonal of the box that the path of the point "
+        "that moves farthest fills [m]"
+    )
     points: tuple[str, ...] = Field(description="markers, or bodies for their centres of mass")
     accuracy: Real = Field(description="error that is asked for [m]")
     errors: tuple[ErrorAt, ...] = Field(description="of the file as it is given")
@@ -99,8 +103,8 @@ class Audit(Reported, ResultFile):
         off = f"{self.model} as given is off by {given.error:.2g} m within {self.compared_to:.4g} s"
         share = given.error / self.size if self.size else 0.0
         if given.leaves is None:
-            return f"{off} ({share:.2g} of its way)"
-        return f"{off}; it leaves 1 % of its way after {given.leaves:.3g} s"
+            return f"{off} ({share:.2g} of the motion's size)"
+        return f"{off}, by more than 1 % of the motion's size since {given.leaves:.3g} s"
 
     def rows(self) -> Iterator[dict[str, object]]:
         """A run a row."""
@@ -129,12 +133,12 @@ def audit(
         source: as of :func:`.runs.model_files.from_mjcf`.
         until: end of what is compared [s]; a contact or the predictability horizon may come first.
         accuracy: error for which the cheapest options are looked for [m]; a hundredth of the
-            motion's longest way if left out.
+            motion's size if left out.
         keyframe, qpos, qvel, ctrl, without: as of :func:`.runs.model_files.from_mjcf`.
         progress: called before each run.
 
     Raises:
-        InputError: the file, the start, the end or the accuracy is not valid.
+        InputError: the file, the start, the end or the accuracy is not valid, or nothing moves.
         UnsupportedProblemError: the model cannot be read; the sentence names why.
         SimulationError: the reference cannot move it.
     """
@@ -167,6 +171,11 @@ class _Audited:
         end, ended = self._end(given)
         way = self._places(self.runner.reference(np.linspace(0.0, end, _POINTS)).q)
         size = float(np.linalg.norm(np.ptp(way, axis=0), axis=-1).max())
+        if size < _AT_REST:
+            raise InputError(
+                f"nothing moves in {self.read.mechanism.name!r} from this start; give another one "
+                "(qpos, qvel or a keyframe), or controls."
+            )
         wanted = accuracy if accuracy is not None else _SHARE * size
         runs = [*self._runs(end, size)]
         errors, curve = list[ErrorAt](), list[ErrorAt]()
@@ -242,6 +251,8 @@ class _Audited:
         if isinstance(moved, str):
             return AuditedRun(**head, message=moved)
         t, off = self._off(moved, end)
+        if len(t) < 2:
+            return AuditedRun(**head, message="its step is longer than what is compared.")
         beyond = t[off > _SHARE * size]
         return AuditedRun(
             **head,
@@ -252,10 +263,8 @@ class _Audited:
         )
 
     def _off(self, moved: GivenRun, end: float) -> tuple[FloatArray, FloatArray]:
-        """Times up to the end, at least two, and the largest distance of any point at each [m]."""
-        n = max(2, int(np.searchsorted(moved.t, end * (1 + 1e-12), side="right")))
-        t = moved.t[: min(n, len(moved.t))]
-        t = t[t <= self.runner.solution.problem.duration]
+        """Times up to the end, and the largest distance of any point at each [m]."""
+        t = moved.t[moved.t <= end * (1 + 1e-12)]
         expected = self._places(self.runner.reference(t).q)
         return t, np.linalg.norm(self._places(moved.q[: len(t)]) - expected, axis=-1).max(axis=1)
 

@@ -306,7 +306,7 @@ _CALLS: Mapping[str, tuple[tuple[str, ...], Mapping[str, str]]] = {
 }
 _MODEL = """
 <mujoco><worldbody><body name="arm">
-  <joint name="hinge" type="hinge" axis="0 1 0"/><geom size="0.1"/>
+  <joint name="hinge" type="hinge" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/>
 </body></worldbody><actuator><motor joint="hinge"/></actuator></mujoco>
 """
 _WITHOUT_PARAMETERS = frozenset({"models list", "models schema"})

@@ -99,6 +99,14 @@ def test_a_contact_ends_what_is_compared() -> None:
     assert found.given.error == pytest.approx(0.5e-3 * 9.81 * touches, rel=0.01)
 
 
+def test_a_step_beyond_the_end_is_no_run_that_holds() -> None:
+    found = tb.audit(oscillator(), 0.02, qpos=[0.5])
+    coarse = run_of(found, "RK4", 4 * STEP)
+    assert coarse.error is None
+    assert "longer" in (coarse.message or "")
+    assert run_of(found, "RK4", 2 * STEP).error is not None
+
+
 def test_the_horizon_ends_what_is_compared() -> None:
     """Two rods from above: their motion cannot be predicted for a minute."""
     rods = (
@@ -131,6 +139,7 @@ def test_what_diverges_is_a_row_and_not_a_lost_audit() -> None:
         (math.inf, {}, "until"),
         (1.0, {"accuracy": 0.0}, "accuracy = 0.0"),
         (1.0, {"qpos": [0.0, 1.0]}, "qpos"),
+        (1.0, {"qpos": [0.0]}, "nothing moves"),
     ],
 )
 def test_what_is_not_valid_is_refused(until: float, how: dict[str, Any], message: str) -> None:

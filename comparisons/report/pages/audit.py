@@ -19,7 +19,7 @@ def document(found: Audit) -> doc.Document:
     blocks += [_runs(found), _advice(found)]
     if found.curve:
         plot = _plot(found)
-        caption = "Distance of the point that is farthest, at each time; dashed: 1 % of the way."
+        caption = "Distance of the farthest point at each time; dashed: 1 % of the motion's size."
         blocks.append(doc.Figure((plot,), "Error over time, as given", caption, "error"))
     blocks += [doc.Note(f"Left out: {what}.") for what in found.left_out]
     blocks.append(doc.Note(f"Made with {found.machine_text}."))
@@ -38,7 +38,7 @@ def _facts(found: Audit) -> doc.Block:
         ("mechanism", found.mechanism.headline()),
         ("compared to", compared),
         ("points", points),
-        ("their longest way", f"{found.size:.4g} m"),
+        ("size of the motion", f"{found.size:.4g} m"),
     )
     return doc.table(("what was read", ""), rows)
 
@@ -80,7 +80,7 @@ def _plot(found: Audit) -> Plot:
     series = (
         Series("as given", t[positive], off[positive], Style(colour)),
         Series(
-            "1 % of the way", t[[0, -1]], np.full(2, 0.01 * found.size), Style(colour, dashed=True)
+            "1 % of the size", t[[0, -1]], np.full(2, 0.01 * found.size), Style(colour, dashed=True)
         ),
     )
     axis = Axis("distance from the reference", "m", logarithmic=True)
