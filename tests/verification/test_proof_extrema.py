@@ -115,6 +115,8 @@ def test_extrema_of_a_certificate_are_proved() -> None:
     assert [figure.label for figure in figures if figure.not_proved] == []
     # A value beside its maximum is refused.
     best = next(figure for figure in certificate.figures if figure.name == "best_range")
-    off = best.with_fields(value=best.value * (1 - 1e-9))
+    off = best.with_fields(
+        value=best.value * (1 - 1e-9), proved_value=None, proved_radius=None, not_proved="not yet"
+    )
     with pytest.raises(InputError, match="best_range"):
         with_proof(off, known)
