@@ -83,9 +83,10 @@ def shrink(
         run = trial.run(given)
         worst = max(run.broken, key=lambda metric: metric.share or 0.0, default=None)
         if worst is None:
+            why = f" ({run.message.rstrip('.')})" if run.message else ""
             raise InputError(
                 f"{case.engine} {case.preset} does not disagree on this machine: its run "
-                f"{run.outcome.value}; nothing can be taken away."
+                f"{run.outcome.value}{why}; nothing can be taken away."
             )
         least = _LEAST_TOLERANCE * (worst.tolerance or 0.0)
         search = _Search(trial, given, run, worst.name, least, progress, most)

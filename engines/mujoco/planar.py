@@ -307,7 +307,8 @@ def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray
         return usual
     values = np.asarray(value, dtype=np.float64)
     if values.shape != usual.shape:
-        raise InputError(f"{what} has the shape {values.shape}; this model's is {usual.shape}.")
+        told = ",".join(f"{value:g}" for value in values.ravel())
+        raise InputError(f"{what} = {told} has {values.size} values; this model has {usual.size}.")
     if not np.isfinite(values).all():
         raise InputError(f"{what} = {values.tolist()} must be finite.")
     return values

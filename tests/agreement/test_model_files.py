@@ -295,7 +295,7 @@ def test_what_no_mechanism_has_is_refused_by_name(text: str, message: str) -> No
 @pytest.mark.parametrize(
     ("how", "message"),
     [
-        ({"qpos": [0.0, 0.0]}, "shape"),
+        ({"qpos": [0.0, 0.0]}, "2 values"),
         ({"qpos": [math.nan]}, "finite"),
         ({"ctrl": [1.0]}, "ctrl"),
         ({"keyframe": "home"}, "no keyframe"),
