@@ -8,13 +8,14 @@ first contact, or the predictability horizon.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..engines.study import GivenRun, ModelFile
+from ..engines.study import GivenRun, ModelFile, ModelStart
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import Kinematics
@@ -22,6 +23,7 @@ from ..models.mechanism import Mechanism
 from ..models.problem import StopLaw
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
+from .runs.metrics import compared_points
 from .runs.model_files import read_model_file
 from .runs.results import ResultFile
 from .runs.runner import Runner
@@ -30,7 +32,8 @@ from .runs.study import Until
 FORMAT = "trebucheck-audit-1"
 _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # tried, in parts of the file's own
 _MOST_STEPS = 400_000  # of one run
-_SHARE = 0.01  # of the motion's size: what a simulation has left when it is off by more
+SHARE = 0.01
+"""Part of the motion's size: a simulation has left the motion when it is off by more."""
 _TIMES = (0.1, 0.25, 0.5, 1.0)  # at which the error is told, in parts of the compared time
 _POINTS = 400  # of a curve
 _AT_REST = 1e-9  # [m] size of a motion that is none
@@ -89,6 +92,7 @@ class Audit(Reported, ResultFile):
     cheapest: str | None = Field(
         default=None, description="options for the file that hold the accuracy at the least cost"
     )
+    is_longest: bool = Field(default=False, description="whether no longer step was tried than it")
 
     @property
     def given(self) -> AuditedRun:
@@ -99,7 +103,7 @@ class Audit(Reported, ResultFile):
         """Tell how far the file's simulation is off, and until when it holds a hundredth."""
         given = self.given
         if given.error is None:
-            return f"{self.model}: {given.message}"
+            return f"{self.model}: {(given.message or '').rstrip('.')}"
         off = f"{self.model} as given is off by {given.error:.2g} m within {self.compared_to:.4g} s"
         share = given.error / self.size if self.size else 0.0
         if given.leaves is None:
@@ -145,8 +149,7 @@ def audit(
     for what, value in (("until", until), ("accuracy", accuracy)):
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{what} = {value!r} must be a positive number.")
-    start: dict[str, Any] = {"keyframe": keyframe, "qpos": qpos, "qvel": qvel, "ctrl": ctrl}
-    read = read_model_file(source, without=without, **start)
+    read = read_model_file(source, ModelStart(keyframe, qpos, qvel, ctrl, without))
     name = str(source) if isinstance(source, str | Path) else "a compiled model"
     shown = "the MJCF text" if name.lstrip().startswith("<") else name
     return _Audited(read, float(until), progress).made(shown, accuracy)
@@ -158,16 +161,12 @@ class _Audited:
     def __init__(self, read: ModelFile, until: float, progress: Progress | None) -> None:
         self.read, self.until, self.progress = read, until, progress
         self.runner = Runner(read.mechanism, until=Until.of(until), law=StopLaw.UNILATERAL)
-        kinematics, mechanism = Kinematics(read.mechanism), read.mechanism
-        named = {m.name: kinematics.point(m.body, m.point) for m in mechanism.markers}
-        if not named:
-            named = {b.name: kinematics.point(b.name, b.centre) for b in mechanism.bodies}
-        self.names, self._points, self._kinematics = tuple(named), tuple(named.values()), kinematics
+        self._kinematics = Kinematics(read.mechanism)
+        self._points = compared_points(self._kinematics)
 
     def made(self, source: str, accuracy: float | None) -> Audit:
-        """All of it."""
-        integrator, step = str(self.read.options["integrator"]), self._own_step
-        given = self._moved(integrator, step)
+        """Errors of the file as it is given, the runs with other options, and the cheapest."""
+        given = self._moved(*self._own)
         end, ended = self._end(given)
         way = self._places(self.runner.reference(np.linspace(0.0, end, _POINTS)).q)
         size = float(np.linalg.norm(np.ptp(way, axis=0), axis=-1).max())
@@ -176,8 +175,9 @@ class _Audited:
                 f"nothing moves in {self.read.mechanism.name!r} from this start; give another one "
                 "(qpos, qvel or a keyframe), or controls."
             )
-        wanted = accuracy if accuracy is not None else _SHARE * size
-        runs = [*self._runs(end, size)]
+        wanted = accuracy if accuracy is not None else SHARE * size
+        runs = [*self._runs(given, end, size)]
+        cheapest = self._cheapest(runs, wanted)
         errors, curve = list[ErrorAt](), list[ErrorAt]()
         if isinstance(given, GivenRun):
             t, off = self._off(given, end)
@@ -197,19 +197,20 @@ class _Audited:
             compared_to=end,
             ended=ended,
             size=size,
-            points=self.names,
+            points=tuple(self._points),
             accuracy=wanted,
             errors=tuple(errors),
             curve=tuple(curve),
             runs=tuple(runs),
-            cheapest=self._cheapest(runs, wanted),
+            cheapest=cheapest and self.read.option_text(cheapest.integrator, cheapest.timestep),
+            is_longest=cheapest is not None
+            and cheapest.timestep == max(run.timestep for run in runs),
         )
 
     @property
-    def _own_step(self) -> float:
-        step = self.read.options["timestep"]
-        assert isinstance(step, int | float)
-        return float(step)
+    def _own(self) -> tuple[str, float]:
+        """Integrator and step [s] of the file."""
+        return self.read.integrator, self.read.timestep
 
     def _moved(self, integrator: str, step: float) -> GivenRun | str:
         """A motion to the end that is asked for, or why there is none."""
@@ -231,29 +232,31 @@ class _Audited:
             end, ended = contact, "bodies touch there, which the mechanism does not know"
         return end, ended
 
-    def _runs(self, end: float, size: float) -> Iterator[AuditedRun]:
+    def _runs(self, given: GivenRun | str, end: float, size: float) -> Iterator[AuditedRun]:
         """The file's own options, then each integrator at each step."""
-        own = str(self.read.options["integrator"]), self._own_step
-        tried = [own]
-        for integrator in self.read.integrators:
-            tried += [(integrator, part * own[1]) for part in _STEPS]
-        tried = list(dict.fromkeys(tried))
-        for done, (integrator, step) in enumerate(tried):
+        yield self._run(given, self._own, end, size)
+        steps = [part * self.read.timestep for part in _STEPS]
+        others = [each for each in product(self.read.integrators, steps) if each != self._own]
+        for done, (integrator, step) in enumerate(others):
             if self.progress:
-                self.progress(f"{integrator}, {step:g} s", done, len(tried))
-            yield self._run(integrator, step, end, size, is_given=(integrator, step) == own)
+                self.progress(f"{integrator}, {step:g} s", done, len(others))
+            yield self._run(self._moved(integrator, step), (integrator, step), end, size)
 
     def _run(
-        self, integrator: str, step: float, end: float, size: float, *, is_given: bool
+        self, moved: GivenRun | str, options: tuple[str, float], end: float, size: float
     ) -> AuditedRun:
-        head: dict[str, Any] = {"integrator": integrator, "timestep": step, "is_given": is_given}
-        moved = self._moved(integrator, step)
+        integrator, step = options
+        head: dict[str, Any] = {
+            "integrator": integrator,
+            "timestep": step,
+            "is_given": options == self._own,
+        }
         if isinstance(moved, str):
             return AuditedRun(**head, message=moved)
         t, off = self._off(moved, end)
         if len(t) < 2:
             return AuditedRun(**head, message="its step is longer than what is compared.")
-        beyond = t[off > _SHARE * size]
+        beyond = t[off > SHARE * size]
         return AuditedRun(
             **head,
             error=float(off.max()),
@@ -270,10 +273,12 @@ class _Audited:
 
     def _places(self, q: FloatArray) -> FloatArray:
         """Places of the points, shape (n, n_points, 2) [m]."""
-        return np.stack([self._kinematics.position(row, q) for row in self._points], axis=1)
+        rows = self._points.values()
+        return np.stack([self._kinematics.position(row, q) for row in rows], axis=1)
 
-    def _cheapest(self, runs: Sequence[AuditedRun], wanted: float) -> str | None:
-        """Options with the least cost that hold an error; ties go to the larger step.
+    @staticmethod
+    def _cheapest(runs: Sequence[AuditedRun], wanted: float) -> AuditedRun | None:
+        """The run with the least cost that holds an error; ties go to the larger step.
 
         The cost of a step is that of all runs with an integrator together, which noise does not
         turn.
@@ -284,7 +289,8 @@ class _Audited:
             spent = sum(run.processor_time or 0.0 for run in of_name)
             costs[name] = spent / max(1, sum(run.steps for run in of_name))
         held = [run for run in runs if run.error is not None and run.error <= wanted]
-        if not held:
-            return None
-        best = min(held, key=lambda run: (costs[run.integrator] * run.steps, -run.timestep))
-        return self.read.option_text(best.integrator, best.timestep)
+        return min(
+            held,
+            key=lambda run: (costs[run.integrator] * run.steps, -run.timestep),
+            default=None,
+        )

@@ -7,9 +7,10 @@ reading them runs no engine.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -311,12 +312,41 @@ class GivenRun:
     """Times of the steps, shape (n,) [s]."""
     q: FloatArray
     """Coordinates of the mechanism that was read, shape (n, n_q)."""
-    u: FloatArray
-    """Their speeds, shape (n, n_q)."""
     contact: float | None
     """First time at which geoms touch, which no mechanism has [s]; None: they do not."""
     processor_time: float
     """Processor time of the steps alone [s]."""
+
+
+@dataclass(frozen=True)
+class ModelStart:
+    """Start of a model file, and what of the file is left out."""
+
+    keyframe: str | int | None = None
+    """Name or number of the file's keyframe to start from."""
+    qpos: Sequence[float] | None = None
+    """Positions, in place of the keyframe's or of the file's own."""
+    qvel: Sequence[float] | None = None
+    """Velocities, in place of the keyframe's or of rest."""
+    ctrl: Sequence[float] | None = None
+    """Constant controls, in place of the keyframe's or of zeros."""
+    without: Collection[str] = ()
+    """Features to leave out: "limits", "friction-loss", "fluid", "actuators", "equalities",
+    "tendons"."""
+
+
+class ReadsModel(Protocol):
+    """Reader of an engine's model files."""
+
+    def __call__(self, source: str | Path | Any, start: ModelStart) -> ModelFile:
+        """Read a path, the text of a file, or a compiled model.
+
+        Raises:
+            InputError: the file or the start is not valid.
+            UnsupportedProblemError: a mechanism has no counterpart of it; the sentence says what.
+            ImportError: the engine is not installed.
+        """
+        ...
 
 
 class ModelFile(Protocol):
@@ -333,8 +363,13 @@ class ModelFile(Protocol):
         ...
 
     @property
-    def options(self) -> Mapping[str, JsonValue]:
-        """Options that the file gives: "integrator" and "timestep" [s]."""
+    def integrator(self) -> str:
+        """Integrator that the file gives."""
+        ...
+
+    @property
+    def timestep(self) -> float:
+        """Step that the file gives [s]."""
         ...
 
     @property
@@ -377,11 +412,8 @@ class EngineStudy:
     """Whether its state, or what moves it, is rounded to single precision with these options."""
     additions: Callable[[Options], int] = lambda _: 1
     """How often a time step adds to the state with these options: once, or in each substep."""
-    model_files: Mapping[str, Callable[..., ModelFile]] = field(
-        default_factory=dict[str, "Callable[..., ModelFile]"]
-    )
-    """Readers of its model files, by the ending of their names; their arguments are those of
-    :func:`..comparisons.runs.model_files.from_mjcf`."""
+    read_model: ReadsModel | None = None
+    """Reader of MJCF and URDF files."""
     title: str = ""  # as its authors write it; '': its name
     binding: str = ""
     """Distribution by which it is run, and what that is built from, without its version."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -132,10 +132,12 @@ class Kinematics(Phasors):
 
     def slide_axis(self, coordinate: str, q: FloatArray) -> ComplexArray:
         """Direction of a slide in the world, x + i y of length 1, shape (...,)."""
-        slide = next(each for each in self.tree.slides if each.coordinate == coordinate)
-        index, turned = self.attitudes[slide.joint.parent]
-        angle = turned + (np.zeros(q.shape[:-1]) if index is None else q[..., index])
-        return np.asarray(slide.direction * np.exp(-1j * angle))
+        slide = self.mechanism.slide(coordinate)
+        return self.in_world(slide.joint.parent, slide.direction, q)
+
+    def in_world(self, body: str, direction: complex, q: Any) -> Any:
+        """A direction of a body's frame (or the ground's) in the world, x + i y, shape (...,)."""
+        return direction * np.exp(-1j * self.angle(body).value(q))
 
     def component(
         self, direction: complex, of: str, vector: PointCoefficients, constant: float = 0.0
@@ -219,7 +221,7 @@ class Kinematics(Phasors):
 
     @cached_property
     def inertia_matrix(self) -> FloatArray:
-        """All that is the same in every state in the mass matrix, shape (..., n_q, n_q)."""
+        """Part of the mass matrix that is the same in every state, shape (..., n_q, n_q)."""
         diagonal = self.inertias[..., None] * np.eye(len(self.is_angle))
         return diagonal if self.rotor_inertias is None else diagonal + self.rotor_inertias
 

@@ -297,6 +297,10 @@ class Mechanism(Shown, Spec):
         """Another name of :attr:`loop_closure_residual`."""
         return self.loop_closure_residual
 
+    def slide(self, coordinate: str) -> Slide:
+        """The slide of that coordinate."""
+        return next(slide for slide in self.slides if slide.coordinate == coordinate)
+
     def body(self, name: str) -> Body:
         """The body of that name."""
         return next(body for body in self.bodies if body.name == name)
@@ -406,10 +410,9 @@ class Mechanism(Shown, Spec):
                     f"joint {joint.name!r} closes a loop and so has no coordinate of its own"
                 )
         _refuse_repeats("coordinate", self.coordinates)
-        carrying = {joint.child: joint for joint in self.tree_joints}
         for element in self.force_elements:
-            if element.body in carrying:
-                element.refuse_joint(carrying[element.body])
+            if element.body != GROUND:
+                element.refuse_joint(self.joint_of(element.body))
         return self
 
     @model_validator(mode="after")

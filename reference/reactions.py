@@ -35,7 +35,7 @@ def joint_reactions(
     """
 
     def in_world(body: str, direction: complex) -> FloatArray:
-        return as_vectors(direction_in_world(kinematics, q, body, direction))
+        return as_vectors(kinematics.in_world(body, direction, q))
 
     pushes = {name: torque[:, None] for name, torque in stop_torques.items()}
     multipliers = iter(loop_multipliers.T[:, :, None])
@@ -94,11 +94,6 @@ _NORMALS: ElementTable[Callable[[Callable[[str, complex], Any], Any], Any]] = El
         PointStop: lambda in_world, stop: in_world(stop.relative_to, complex(*stop.normal)),
     },
 )
-
-
-def direction_in_world(kinematics: Kinematics, q: Any, body: str, direction: complex) -> Any:
-    """A direction of a body's frame (or the ground's) in the world, x + i y, shape (...,)."""
-    return direction * np.exp(-1j * kinematics.angle(body).value(q))
 
 
 def undetermined_forces(

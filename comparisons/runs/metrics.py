@@ -21,6 +21,7 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from ...models.arrays import BoolArray, FloatArray
+from ...models.functions import PointCoefficients
 from ...models.kinematics import Kinematics
 from ...models.launch import LAUNCH_ANGLE, Launch
 from ...models.problem import StopLaw
@@ -226,8 +227,16 @@ def points(trajectory: Trajectory) -> dict[str, FloatArray]:
     if mechanism.markers:
         return {name: motion.position for name, motion in trajectory.markers.items()}
     kinematics = Kinematics(mechanism)
-    rows = {body.name: kinematics.point(body.name, body.centre) for body in mechanism.bodies}
+    rows = compared_points(kinematics)
     return {name: kinematics.position(row, trajectory.q) for name, row in rows.items()}
+
+
+def compared_points(kinematics: Kinematics) -> dict[str, PointCoefficients]:
+    """Points that are compared by their names: markers, else the bodies' centres of mass."""
+    mechanism = kinematics.mechanism
+    ends = [(marker.name, marker.body, marker.point) for marker in mechanism.markers]
+    ends = ends or [(body.name, body.name, body.centre) for body in mechanism.bodies]
+    return {name: kinematics.point(body, point) for name, body, point in ends}
 
 
 def not_observed(

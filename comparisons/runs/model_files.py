@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...engines.registry import engine_names, engine_study
-from ...engines.study import ModelFile
-from ...models.errors import EngineNotInstalledError, InputError, SimulationError
-from ...models.kinematics import Kinematics
+from ...models.errors import EngineNotInstalledError, SimulationError
 from ...models.library.registry import is_file, read_file, read_files_by
 from ...models.mechanism import Mechanism
-from ...reference.equations import Equations
+
+if TYPE_CHECKING:
+    from ...engines.study import ModelFile, ModelStart
 
 __all__ = ["SUFFIXES", "from_mjcf", "is_file", "read_file", "read_model_file"]
 
@@ -57,32 +55,33 @@ def from_mjcf(
             mechanisms have not; the sentence names it.
         EngineNotInstalledError: the engine that compiles such files is not installed.
     """
-    start: dict[str, Any] = {"keyframe": keyframe, "qpos": qpos, "qvel": qvel, "ctrl": ctrl}
-    return read_model_file(source, without=without, **start).mechanism
+    from ...engines.study import ModelStart
+
+    return read_model_file(source, ModelStart(keyframe, qpos, qvel, ctrl, without)).mechanism
 
 
-def read_model_file(source: str | Path | Any, suffix: str = ".xml", **how: Any) -> ModelFile:
+def read_model_file(source: str | Path | Any, start: ModelStart | None = None) -> ModelFile:
     """Read a mechanism together with how its coordinates follow from the file's; see `from_mjcf`.
 
     Args:
         source: as of :func:`from_mjcf`.
-        suffix: kind of the file.
-        how: keywords of :func:`from_mjcf`.
+        start: the file's own, with nothing left out but contacts, where none is given.
+
+    Raises:
+        EngineNotInstalledError: no engine here compiles such files.
     """
-    reader = next(
-        (
-            reader
-            for name in engine_names()
-            if (reader := engine_study(name).model_files.get(suffix)) is not None
-        ),
-        None,
-    )
+    # Engines are looked for when a file is read: to name a machine needs none.
+    from ...engines.registry import engine_names, engine_study
+    from ...engines.study import ModelStart
+
+    studies = map(engine_study, engine_names())
+    reader = next((each.read_model for each in studies if each.read_model is not None), None)
     if reader is None:
-        raise InputError(f"no engine here reads files of the kind {suffix!r}.")
+        raise EngineNotInstalledError("no engine here reads model files.")
     try:
-        read = reader(source, **how)
+        read = reader(source, start or ModelStart())
     except ImportError as error:
-        raise EngineNotInstalledError(f"a {suffix} file cannot be read: {error}.") from None
+        raise EngineNotInstalledError(f"a model file cannot be read: {error}.") from None
     _refuse_wrong_reading(read)
     return read
 
@@ -93,6 +92,9 @@ def _refuse_wrong_reading(read: ModelFile) -> None:
     Raises:
         SimulationError: one differs: the model has something that the reader does not know.
     """
+    from ...models.kinematics import Kinematics
+    from ...reference.equations import Equations
+
     mechanism, states = read.mechanism, read.random_states(_STATES)
     free = mechanism.model_copy(update={"joints": mechanism.tree_joints, "stops": ()})
     kinematics = Kinematics(mechanism)
@@ -131,9 +133,5 @@ def _refuse_wrong_reading(read: ModelFile) -> None:
             )
 
 
-def _mechanism(path: Path, suffix: str) -> Mechanism:
-    return read_model_file(path, suffix).mechanism
-
-
-for each in SUFFIXES:
-    read_files_by(each, partial(_mechanism, suffix=each))
+for suffix in SUFFIXES:
+    read_files_by(suffix, from_mjcf)

@@ -40,6 +40,7 @@ from .read import (
     exu,
     on_joint,
     on_wall,
+    sliding,
 )
 from .solver import DEPENDENT, LoopConstraints
 
@@ -403,12 +404,11 @@ class Builder:
             item = items.ObjectConnectorCartesianSpringDamper(
                 markerNumbers=markers, stiffness=[spring.stiffness] * 2 + [0.0]
             )
-        self.connect(item, "spring", spring.name, "Distance")
-        self.system.rests[spring.name] = "Distance", spring.rest_length
+        self._connect_spring(item, spring.name, "Distance", spring.rest_length)
 
     def add_slide_spring(self, spring: elements.SlideSpringDamper) -> None:
         """Add a spring, damper and force along a joint's line, on which the child's point is."""
-        (slide,) = (s for s in self.mechanism.slides if s.coordinate == spring.coordinate)
+        slide = self.mechanism.slide(spring.coordinate)
         joint, along = slide.joint, slide.direction
         line = self.frame(joint.parent, joint.parent_point)
         item = items.ObjectConnectorLinearSpringDamper(
@@ -420,7 +420,8 @@ class Builder:
             force=-spring.force,
         )
         self.connect(item, "spring", spring.name)
-        self.system.slides[spring.name] = slide, spring.rest_position
+        rest = spring.rest_position
+        self.system.stretches[spring.name] = lambda values: sliding(slide, values) - rest
 
     def add_rotational_spring(self, spring: elements.RotationalSpringDamper) -> None:
         """Add a spring between two rotations: full turns count."""
@@ -442,8 +443,13 @@ class Builder:
             offset=rest,
             **fields,
         )
-        self.connect(item, "spring", spring.name, "Displacement")
-        self.system.rests[spring.name] = "Displacement", rest
+        self._connect_spring(item, spring.name, "Displacement", rest)
+
+    def _connect_spring(self, item: Any, name: str, output: str, rest: float) -> None:
+        """Add a spring whose connector tells its length or angle [m, rad]."""
+        self.connect(item, "spring", name, output)
+        key = "spring", name, output
+        self.system.stretches[name] = lambda values: values(key)[:, 0] - rest
 
     # Stops.
 

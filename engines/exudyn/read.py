@@ -270,10 +270,10 @@ class System:
     """Stops that are Exudyn's own unilateral elements; they are in none of the mappings above."""
     springs: Mapping[str, Spring] = field(default_factory=dict[str, Spring])
     """Stops that are springs; empty where they are constraints."""
-    rests: dict[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
-    """Springs of the mechanism: output of the connector, and its value at rest [m, rad]."""
-    slides: dict[str, tuple[Slide, float]] = field(default_factory=dict[str, tuple[Slide, float]])
-    """Slide of each spring along one, and where it is at rest [m]."""
+    stretches: dict[str, Callable[[Values], FloatArray]] = field(
+        default_factory=dict[str, "Callable[[Values], FloatArray]"]
+    )
+    """Stretch of each spring of the mechanism by the sensors [m, rad], shape (n,)."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
@@ -281,15 +281,9 @@ class System:
     """Whether conditions of the loops, as they are built, follow from others at the start."""
 
     def stretch(self, element: str, values: Values) -> FloatArray:
-        """Stretch of a spring by its connector [m, rad], shape (n,); zero if it is no spring."""
-        if element in self.slides:
-            slide, at_rest = self.slides[element]
-            place = on_joint(slide.joint).place(values) * slide.direction.conjugate()
-            return np.asarray(place.real - at_rest)
-        if element not in self.rests:
-            return np.zeros(1)
-        variable, rest = self.rests[element]
-        return values(("spring", element, variable))[:, 0] - rest
+        """Stretch of a spring by the sensors [m, rad], shape (n,); zero if it is no spring."""
+        stretch = self.stretches.get(element)
+        return np.zeros(1) if stretch is None else stretch(values)
 
     def torque(self, stop: str) -> float:
         """Torque (or force) of a stop at the current state [N m, N]."""
@@ -375,11 +369,15 @@ def coordinates(mechanism: Mechanism, values: Values, *, speeds: bool = False) -
     quantity = "Coordinates_t" if speeds else "CoordinatesTotal"
     turning = [body.name for body in mechanism.bodies if body.angle is not None]
     columns = [-rotation(name, values, quantity) for name in turning]
-    for slide in mechanism.slides:
-        point = on_joint(slide.joint)
-        motion = point.speed(values) if speeds else point.place(values)
-        columns.append((motion * slide.direction.conjugate()).real)
+    columns += [sliding(slide, values, speeds=speeds) for slide in mechanism.slides]
     return np.stack(columns, axis=-1)
+
+
+def sliding(slide: Slide, values: Values, *, speeds: bool = False) -> FloatArray:
+    """Slide coordinate [m], or its speed [m/s], by sensors, shape (n,)."""
+    point = on_joint(slide.joint)
+    motion = point.speed(values) if speeds else point.place(values)
+    return np.asarray((motion * slide.direction.conjugate()).real)
 
 
 class BodyCoordinates:

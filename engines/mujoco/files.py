@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Sequence
-from copy import copy
 from pathlib import Path
 from typing import Any
 
@@ -13,47 +10,36 @@ import numpy as np
 from ...models.arrays import FloatArray
 from ...models.errors import InputError, shortened
 from ...models.files import read_bytes
+from ..study import ModelStart
 from .compat import CALLBACK, mujoco
-from .planar import PlanarModel, planar_model
+from .planar import PlanarModel, as_name, planar_model
 
 _LARGEST = 20_000_000  # [B] of a file
-_LONGEST_NAME = 60
 
 
-def read_model(
-    source: str | Path | Any,
-    *,
-    keyframe: str | int | None = None,
-    qpos: Sequence[float] | None = None,
-    qvel: Sequence[float] | None = None,
-    ctrl: Sequence[float] | None = None,
-    without: Collection[str] = (),
-) -> PlanarModel:
+def read_model(source: str | Path | Any, start: ModelStart) -> PlanarModel:
     """Read a planar mechanism from a file, its text, or a compiled model.
 
     Args:
-        source: a path, the text of a file, or a `mujoco.MjModel`, which is copied.
-        keyframe: name or number of the model's keyframe to start from.
-        qpos, qvel: start, in place of the keyframe's or of `qpos0` at rest.
-        ctrl: constant controls, in place of the keyframe's or of zeros.
-        without: features to leave out; see :data:`.planar.LEAVABLE`.
+        source: a path, the text of a file, or a `mujoco.MjModel`.
+        start: positions, velocities, controls, and what is left out.
 
     Raises:
         InputError: the file or the start is not valid.
         UnsupportedProblemError: as of :func:`.planar.planar_model`.
     """
     model, name = _compiled(source)
-    given = _start(model, name, keyframe)
-    for what, values in (("qpos", qpos), ("qvel", qvel), ("ctrl", ctrl)):
+    given = _of_keyframe(model, name, start.keyframe)
+    for what, values in (("qpos", start.qpos), ("qvel", start.qvel), ("ctrl", start.ctrl)):
         if values is not None:
             given[what] = np.array(values, dtype=np.float64)
-    return planar_model(model, name, without=without, **given)
+    return planar_model(model, name, without=start.without, **given)
 
 
 def _compiled(source: str | Path | Any) -> tuple[Any, str]:
     """The compiled model, and a name for the mechanism."""
     if isinstance(source, mujoco.MjModel):
-        return copy(source), _name(source, "model")
+        return source, _name(source, "model")
     is_text = isinstance(source, str) and source.lstrip().startswith("<")
     where = "the MJCF text" if is_text else str(source)
     if not is_text:
@@ -73,11 +59,10 @@ def _name(model: Any, otherwise: str) -> str:
     """Name of a compiled model, as far as it is a name here."""
     given = model.names[: model.names.find(b"\0")].decode(errors="replace")
     wanted = given if given and given != "MuJoCo Model" else otherwise
-    kept = re.sub(r"[^A-Za-z0-9_ \-]", "-", wanted)[:_LONGEST_NAME]
-    return kept if kept[:1].isalpha() else f"model {kept}".rstrip()
+    return as_name(wanted, "model")
 
 
-def _start(model: Any, name: str, keyframe: str | int | None) -> dict[str, FloatArray]:
+def _of_keyframe(model: Any, name: str, keyframe: str | int | None) -> dict[str, FloatArray]:
     """Positions, velocities and controls of a keyframe."""
     if keyframe is None:
         return {}

@@ -77,7 +77,9 @@ def raised_warnings() -> Generator[None]:
         finally:
             mujoco.set_mju_user_warning(before)
     if warnings:
-        raise SimulationError(f"MuJoCo gave up: {warnings[0]}")
+        # It ends with "... at DOF 0. The simulation is unstable. Time = 0.0800.".
+        what = warnings[0].replace(" The simulation is unstable.", "").rstrip(".")
+        raise SimulationError(f"MuJoCo gave up: {what}.")
 
 
 class MujocoMotion(SteppedMotion[FloatArray]):

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from time import process_time
 from typing import Any
 
 import numpy as np
-from pydantic import JsonValue
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
@@ -45,6 +44,7 @@ from ...models.mjcf.tree import number
 from ...models.spec import Vector
 from ..study import GivenRun, ModelStates
 from .compat import mujoco
+from .motion import raised_warnings
 
 _ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
 _LONGEST_NAME = 60
@@ -56,17 +56,12 @@ _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
 _INTEGRATOR = "mjINT_"
 _INTEGRATORS = ("Euler", "implicitfast", "RK4")
 
-CONTACTS = "contacts"
-LEAVABLE: dict[str, str] = {
-    CONTACTS: "contacts between geoms",
-    "limits": "limits of joints",
-    "friction-loss": "friction loss of joints and tendons",
-    "fluid": "the medium (density, viscosity, wind)",
-    "actuators": "actuators",
-    "equalities": "equality constraints",
-    "tendons": "springs, dampers and limits of tendons",
-}
-"""Features that can be left out of a model, by the word that asks for it."""
+LEAVABLE = (
+    "contacts", "limits", "friction-loss", "fluid", "actuators", "equalities", "tendons",
+)  # fmt: skip
+"""Words for the features that can be left out of a model: contacts, which always are; limits of
+joints; friction loss; the medium and its wind; actuators; equality constraints; springs, dampers
+and limits of tendons."""
 
 
 @dataclass(frozen=True)
@@ -105,17 +100,6 @@ class Plane:
     def sense(self, axis: FloatArray) -> int:
         """1 of an axis about which positive turns are clockwise, -1 of the opposite one."""
         return -1 if axis @ self.normal > 0 else 1
-
-    @property
-    def name(self) -> str:
-        """Its axes in MuJoCo's world."""
-        parts: list[str] = []
-        for axis in (self.x, self.y):
-            k = int(np.argmax(np.abs(axis)))
-            exact = abs(axis[k] - 1.0) < _ALONG
-            x, y, z = axis
-            parts.append("xyz"[k] if exact else f"({x:.4g}, {y:.4g}, {z:.4g})")
-        return " and ".join(parts)
 
 
 @dataclass(frozen=True)
@@ -156,13 +140,16 @@ class PlanarModel:
         return qvel @ self.rows.T
 
     @property
-    def options(self) -> Mapping[str, JsonValue]:
-        """Integrator and step [s] of the file."""
+    def integrator(self) -> str:
+        """Integrator that the file gives."""
         integrator = mujoco.mjtIntegrator(int(self.given.opt.integrator))
-        name = integrator.name.removeprefix(_INTEGRATOR)
-        known = {each.upper(): each for each in _INTEGRATORS}
-        step = float(self.given.opt.timestep)
-        return {"integrator": known.get(name, name.lower()), "timestep": step}
+        name = str(integrator.name).removeprefix(_INTEGRATOR)
+        return {each.upper(): each for each in _INTEGRATORS}.get(name, name.lower())
+
+    @property
+    def timestep(self) -> float:
+        """Step that the file gives [s]."""
+        return float(self.given.opt.timestep)
 
     @property
     def integrators(self) -> tuple[str, ...]:
@@ -177,7 +164,7 @@ class PlanarModel:
         """Move the file's own model with an integrator and a step [s].
 
         Raises:
-            SimulationError: its state is not finite any more.
+            SimulationError: MuJoCo warned, or its state is not finite any more.
         """
         model = copy(self.given)
         model.opt.integrator = getattr(mujoco.mjtIntegrator, f"{_INTEGRATOR}{integrator.upper()}")
@@ -185,24 +172,25 @@ class PlanarModel:
         # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         steps = max(1, math.ceil(duration / timestep - 1e-9))
-        data = self._start(model)
-        began = process_time()
-        mujoco.mj_step(model, data, nstep=steps)
-        spent, data = process_time() - began, self._start(model)
-        qpos, qvel = np.empty((steps + 1, model.nq)), np.empty((steps + 1, model.nv))
-        qpos[0], qvel[0], contact = data.qpos, data.qvel, None
-        for k in range(1, steps + 1):
-            mujoco.mj_step(model, data)
-            qpos[k], qvel[k] = data.qpos, data.qvel
-            if data.ncon and contact is None:
-                contact = float(data.time)
-        if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
+        qpos, contact = np.empty((steps + 1, model.nq)), None
+        with raised_warnings():
+            data = self._start(model)
+            began = process_time()
+            mujoco.mj_step(model, data, nstep=steps)
+            spent, data = process_time() - began, self._start(model)
+            qpos[0] = data.qpos
+            for k in range(1, steps + 1):
+                mujoco.mj_step(model, data)
+                qpos[k] = data.qpos
+                if data.ncon and contact is None:
+                    contact = float(data.time)
+        if not np.isfinite(qpos).all():
             raise SimulationError(
                 f"{self.mechanism.name!r} diverges with the integrator {integrator!r} at a step of "
                 f"{timestep:g} s."
             )
         t = timestep * np.arange(steps + 1, dtype=np.float64)
-        return GivenRun(t, self.coordinates(qpos), self.speeds(qvel), contact, spent)
+        return GivenRun(t, self.coordinates(qpos), contact, spent)
 
     def _start(self, model: Any) -> Any:
         data = mujoco.MjData(model)
@@ -251,6 +239,8 @@ class PlanarModel:
         Shape (n_equalities, 2).
         """
         model, residuals = self.model, np.zeros((len(self.equalities), 2))
+        if not self.equalities:
+            return residuals
         before = model.opt.disableflags
         flags = mujoco.mjtDisableBit
         model.opt.disableflags = (before & ~int(flags.mjDSBL_CONSTRAINT)) | flags.mjDSBL_LIMIT
@@ -277,7 +267,7 @@ def planar_model(
     """Read a compiled model.
 
     Args:
-        model: MuJoCo's; what is left out is removed from it.
+        model: MuJoCo's; it stays as it is.
         name: of the mechanism.
         qpos: of the start, shape (nq,); `qpos0` if left out.
         qvel: of the start, shape (nv,); at rest if left out.
@@ -294,12 +284,12 @@ def planar_model(
         _given("qvel", qvel, np.zeros(model.nv)),
         _given("ctrl", ctrl, np.zeros(model.nu)),
     )
-    unknown = set(without) - LEAVABLE.keys()
+    unknown = set(without).difference(LEAVABLE)
     if unknown:
         raise InputError(
             f"{min(unknown)!r} cannot be left out; what can be is {', '.join(LEAVABLE)}."
         )
-    return _Reader(model, name, *given, frozenset(without) | {CONTACTS}).read()
+    return _Reader(copy(model), name, *given, frozenset(without), given=model).read()
 
 
 def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray:
@@ -314,6 +304,12 @@ def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray
     return values
 
 
+def as_name(text: str, otherwise: str) -> str:
+    """A text as a name here: other characters become '_', and a letter comes first."""
+    name = re.sub(r"[^A-Za-z0-9_ \-]", "_", text)[:_LONGEST_NAME] or otherwise
+    return name if name[0].isalpha() else f"n{name}"
+
+
 class _Names:
     """Names for a mechanism: MuJoCo's, where they are names here, and once each."""
 
@@ -322,8 +318,7 @@ class _Names:
 
     def new(self, wanted: str, otherwise: str) -> str:
         """A name that is not used yet."""
-        base = re.sub(r"[^A-Za-z0-9_ \-]", "_", wanted)[:_LONGEST_NAME] or otherwise
-        base = base if base[0].isalpha() else f"n{base}"
+        base = as_name(wanted, otherwise)
         name, k = base, 1
         while name in self._used:
             k += 1
@@ -355,6 +350,8 @@ class _Reader:
     qvel: FloatArray
     ctrl: FloatArray
     without: frozenset[str]
+    given: Any
+    """The model as it was given, which stays so."""
     left_out: list[str] = field(default_factory=list[str])
     bodies: list[Body] = field(default_factory=list[Body])
     joints: list[AnyJoint] = field(default_factory=list[AnyJoint])
@@ -379,7 +376,6 @@ class _Reader:
 
     def read(self) -> PlanarModel:
         """Read all."""
-        self.given = copy(self.model)
         self._refuse_features()
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = self.model.qpos0
@@ -422,38 +418,33 @@ class _Reader:
     def _refuse_features(self) -> None:
         """Refuse what no mechanism has, or leave it out of the model."""
         model, option = self.model, self.model.opt
-        present: list[tuple[str, str | None, bool, Callable[[], None] | None]] = [
-            ("flexible bodies", None, model.nflex > 0, None),
-            ("plug-ins", None, model.nplugin > 0, None),
-            ("compensation of gravity", None, bool(np.any(model.body_gravcomp)), None),
-            ("plastic joints", None, getattr(model, "nplastic", 0) > 0, None),
+        for what, is_there in (
+            ("flexible bodies", model.nflex > 0),
+            ("plug-ins", model.nplugin > 0),
+            ("compensation of gravity", np.any(model.body_gravcomp)),
+            # Of later versions than the oldest that is supported
+            ("plastic joints", getattr(model, "nplastic", 0) > 0),
+            ("actuators with a delay", np.any(getattr(model, "actuator_delay", 0))),
             (
-                "actuators with a delay", None, bool(np.any(getattr(model, "actuator_delay", 0))),
-                None,
+                "actuators with several controls",
+                np.any(np.asarray(getattr(model, "actuator_ctrlnum", 1)) != 1),
             ),
-            (
-                "actuators with several controls", None,
-                bool(np.any(getattr(model, "actuator_ctrlnum", 1) != np.ones(1))), None,
-            ),
-            (
-                "a medium (density, viscosity or wind)", "fluid",
-                bool(option.density or option.viscosity or np.any(option.wind)),
-                self._without_fluid,
-            ),
-            (
-                "friction loss", "friction-loss",
-                self._is_on("FRICTIONLOSS")
-                and bool(np.any(model.dof_frictionloss) or np.any(model.tendon_frictionloss)),
-                self._without_friction_loss,
-            ),
-        ]  # fmt: skip
-        for what, word, is_there, leave_out in present:
-            if is_there and (word is None or word not in self.without):
-                hint = f"; --without {word} leaves it out" if word else ""
+        ):
+            if is_there:
+                raise UnsupportedProblemError(f"{self.name!r} has {what}, which no mechanism has.")
+        medium, lossy = option.density or option.viscosity or np.any(option.wind), False
+        if self._is_on("FRICTIONLOSS"):
+            lossy = np.any(model.dof_frictionloss) or np.any(model.tendon_frictionloss)
+        for what, word, is_there, leave_out in (
+            ("a medium (density, viscosity or wind)", "fluid", medium, self._without_fluid),
+            ("friction loss", "friction-loss", lossy, self._without_friction_loss),
+        ):
+            if is_there and word not in self.without:
                 raise UnsupportedProblemError(
-                    f"{self.name!r} has {what}, which no mechanism has{hint}."
+                    f"{self.name!r} has {what}, which no mechanism has; --without {word} leaves it "
+                    "out."
                 )
-            if is_there and leave_out:
+            if is_there:
                 leave_out()
                 self.left_out.append(what)
         if self._has_contacts():

@@ -163,14 +163,14 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
     return sources
 
 
-def _read_model(source: Any, **how: Any) -> study.ModelFile:
+def _read_model(source: Any, start: study.ModelStart) -> study.ModelFile:
     from .files import read_model  # loads MuJoCo
 
-    return read_model(source, **how)
+    return read_model(source, start)
 
 
 STUDY = study.EngineStudy(
-    model_files=dict.fromkeys((".xml", ".mjcf", ".urdf"), _read_model),
+    read_model=_read_model,
     causes=_causes,
     swept_parameters=(
         SweptParameter(

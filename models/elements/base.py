@@ -379,10 +379,28 @@ class TwoBodyForceElement(BaseForceElement):
         return self
 
 
-class TorqueElement(TwoBodyForceElement):
-    """Base of elements with a torque between two bodies; clockwise positive, as angles are."""
+class LinearElement(TwoBodyForceElement):
+    """Base of elements along a linear function of the coordinates: a relative angle, or a slide."""
 
     acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
+
+    def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Torque [N m] or force [N] on the body, the opposite on the other one, shape (...,)."""
+        raise NotImplementedError(type(self).__name__)
+
+    def generalized(
+        self,
+        geometry: Geometry,
+        direction: AngleFunction,
+        q: FloatArray,
+        u: FloatArray,
+        rates: ComplexArray,
+    ) -> FloatArray:
+        return self.effort(direction, q, u)[..., None] * direction.coefficients
+
+
+class TorqueElement(LinearElement):
+    """Base of elements with a torque between two bodies; clockwise positive, as angles are."""
 
     @property
     def pushes_along_x(self) -> bool:
@@ -395,15 +413,8 @@ class TorqueElement(TwoBodyForceElement):
         """Torque on the body, the opposite of that on the other one [N m], shape (...,)."""
         raise NotImplementedError(type(self).__name__)
 
-    def generalized(
-        self,
-        geometry: Geometry,
-        direction: AngleFunction,
-        q: FloatArray,
-        u: FloatArray,
-        rates: ComplexArray,
-    ) -> FloatArray:
-        return self.torque_on_body(direction, q, u)[..., None] * direction.coefficients
+    def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        return self.torque_on_body(along, q, u)
 
 
 T = TypeVar("T")

@@ -11,10 +11,10 @@ from pydantic import Field
 from ..arrays import ComplexArray, FloatArray
 from ..functions import AngleFunction
 from ..spec import Name, NonNegative, Real
-from .base import GROUND, BaseJoint, Feature, Geometry, TwoBodyForceElement
+from .base import GROUND, BaseJoint, Feature, Geometry, LinearElement
 
 
-class SlideSpringDamper(TwoBodyForceElement):
+class SlideSpringDamper(LinearElement):
     """A linear spring, damper and constant force along the slide of a joint of the tree.
 
     With the slide coordinate x and its rate v the force on the body along the slide is
@@ -22,7 +22,6 @@ class SlideSpringDamper(TwoBodyForceElement):
     """
 
     feature: ClassVar[Feature] = Feature.SLIDE_SPRING
-    acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
 
     kind: Literal["slide-spring-damper"] = "slide-spring-damper"
     coordinate: Name = Field(description="name of the slide coordinate of the body's joint")
@@ -56,25 +55,15 @@ class SlideSpringDamper(TwoBodyForceElement):
     def direction(self, geometry: Geometry) -> AngleFunction:
         return geometry.slide(self.coordinate)
 
-    def push(self, slide: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
-        """Force on the body along the slide [N], shape (...,)."""
-        spring = self.force - self.stiffness * (slide.value(q) - self.rest_position)
-        return spring - self.damping * (u @ slide.coefficients)
-
-    def generalized(
-        self,
-        geometry: Geometry,
-        direction: AngleFunction,
-        q: FloatArray,
-        u: FloatArray,
-        rates: ComplexArray,
-    ) -> FloatArray:
-        return self.push(direction, q, u)[..., None] * direction.coefficients
+    def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
+        """Force f0 - k (x - x0) - c v on the body along the slide [N], shape (...,)."""
+        spring = self.force - self.stiffness * (along.value(q) - self.rest_position)
+        return spring - self.damping * (u @ along.coefficients)
 
     def body_forces(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
-        force = self.push(direction, q, u) * geometry.slide_axis(self.coordinate, q)
+        force = self.effort(direction, q, u) * geometry.slide_axis(self.coordinate, q)
         yield self.body, force
         yield self.relative_to, -force
 

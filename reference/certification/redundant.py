@@ -177,6 +177,17 @@ class _Components(_Vectors):
         return self.rows(ends, along, self._turning), inward
 
 
+def _between_ends(
+    mechanism: Mechanism, parts: Sequence[tuple[elements.AnyJoint, complex]]
+) -> _Components:
+    """Components of the vectors from the parents' points of joints to the children's."""
+    ends = [
+        ((joint.child, joint.child_point), (joint.parent, joint.parent_point)) for joint, _ in parts
+    ]
+    turning = [bool(j.free_directions) and j.parent != GROUND for j, _ in parts]
+    return _Components(mechanism, ends, [direction for _, direction in parts], turning)
+
+
 def _angle_rows(mechanism: Mechanism, pairs: Sequence[tuple[str, str]]) -> FloatArray:
     """Gradients of bodies' angles less those of others, shape (m, 3 n_bodies)."""
     index = {body.name: 3 * i + 2 for i, body in enumerate(mechanism.bodies)}
@@ -279,15 +290,8 @@ class _AppliedCartesian:
             mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
         )
         self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
-        slides = {slide.coordinate: slide for slide in mechanism.slides}
-        along = [slides[e.coordinate] for e in kinds["slides"]]
-        self._slides = _Components(
-            mechanism,
-            [((s.joint.child, s.joint.child_point), (s.joint.parent, s.joint.parent_point))
-             for s in along],
-            [s.direction for s in along],
-            [s.joint.parent != GROUND for s in along],
-        )  # fmt: skip
+        along = [mechanism.slide(e.coordinate) for e in kinds["slides"]]
+        self._slides = _between_ends(mechanism, [(s.joint, s.direction) for s in along])
         pushes = [(e.stiffness, e.damping, e.rest_position, e.force) for e in kinds["slides"]]
         self._slide_data = np.array(pushes, dtype=np.float64).reshape(-1, 4).T
         rotors = angles("rotors")
@@ -353,17 +357,10 @@ class RedundantSystem:
         self._applied = _AppliedCartesian(mechanism)
         self._mass = np.diag(np.ravel(masses)) + self._applied.rotors
 
-        def components(parts: list[tuple[elements.AnyJoint, complex]]) -> _Components:
-            """Components of the vectors from the parents' points to the children's."""
-            ends = [
-                ((joint.child, joint.child_point), (joint.parent, joint.parent_point))
-                for joint, _ in parts
-            ]
-            turning = [bool(j.free_directions) and j.parent != GROUND for j, _ in parts]
-            return _Components(mechanism, ends, [direction for _, direction in parts], turning)
-
-        self._held = components([(j, along) for j in mechanism.joints for along in _HELD[j](j)])
-        self._free = components([(slide.joint, slide.direction) for slide in mechanism.slides])
+        held = [(j, along) for j in mechanism.joints for along in _HELD[j](j)]
+        self._held = _between_ends(mechanism, held)
+        free = [(slide.joint, slide.direction) for slide in mechanism.slides]
+        self._free = _between_ends(mechanism, free)
         rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
         self._rigid = _angle_rows(mechanism, [(joint.child, joint.parent) for joint in rigid])
         self._turning = np.array([body.angle is not None for body in mechanism.bodies])

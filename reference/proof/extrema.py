@@ -7,7 +7,7 @@ negative after them: the function is largest at one of those times.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -83,6 +83,11 @@ def _sign(rate: Rate, t: Ball) -> int:
     return -1 if value < 0 else 0
 
 
+def _with_following(motion: ProvedMotion) -> Iterator[tuple[Phase, Phase | None]]:
+    """Each phase with the next one; None after the last."""
+    return zip(motion.phases, [*motion.phases[1:], None], strict=True)
+
+
 def state_at(motion: ProvedMotion, t: Ball) -> State:
     """The least box around the states at the times of a ball [s], of all phases that it meets.
 
@@ -90,8 +95,7 @@ def state_at(motion: ProvedMotion, t: Ball) -> State:
         ValueError: the ball lies beyond the end of the motion.
     """
     found: list[State] = []
-    for k, phase in enumerate(motion.phases):
-        following = motion.phases[k + 1] if k + 1 < len(motion.phases) else None
+    for phase, following in _with_following(motion):
         if t < phase.start or (following is not None and t > following.start):
             continue
         if following is None and not t < phase.end:
@@ -108,10 +112,10 @@ def _phase_at(motion: ProvedMotion, t: Ball) -> Phase:
     Raises:
         ValueError: the ball lies across another event, or beyond the end of the motion.
     """
-    for k, phase in enumerate(motion.phases):
-        following = motion.phases[k + 1] if k + 1 < len(motion.phases) else None
+    for phase, following in _with_following(motion):
+        begun = phase is motion.phases[0] or t > phase.start
         goes_on = following is None or t < following.start or following.closed == phase.closed
-        if (k == 0 or t > phase.start) and goes_on and t < phase.end:
+        if begun and goes_on and t < phase.end:
             return phase
     raise ValueError("the ball lies across an event")
 

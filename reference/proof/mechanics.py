@@ -17,7 +17,7 @@ from ...models.elements import (
     SpringDamper,
 )
 from ...models.functions import weighted
-from ..reactions import direction_in_world, distributed
+from ..reactions import distributed
 from .balls import Ball, acb, arb, squared
 from .numbers import BallKinematics, Complex, Coordinates
 
@@ -87,7 +87,7 @@ def joint_reactions(
                 needed[body] -= force
 
     def in_world(body: str, direction: complex) -> Complex:
-        return direction_in_world(kinematics, q, body, direction)
+        return kinematics.in_world(body, direction, q)
 
     pushes = {stop.name: forces.torques.get(stop.name, arb(0)) for stop in mechanism.stops}
     return distributed(mechanism, needed, iter(forces.loops), pushes, in_world)
@@ -170,9 +170,7 @@ def _slide_forces(
     slide = e.direction(kinematics)
     stretch, rate = slide.value(q).real - e.rest_position, slide.value(u).real
     size = e.force - e.stiffness * stretch - e.damping * rate
-    (joint,) = (j for j in kinematics.mechanism.tree_joints if e.coordinate in j.slides)
-    along = joint.free_directions[joint.slides.index(e.coordinate)]
-    force = size * direction_in_world(kinematics, q, joint.parent, along)
+    force = size * kinematics.slide_axis(e.coordinate, q)
     yield e.body, force
     yield e.relative_to, -force
 

@@ -90,7 +90,7 @@ class Solved:
 
 
 class _Step(NamedTuple):
-    """What remainders depend on beside the operations."""
+    """Numbers of a step that remainders depend on beside the operations."""
 
     powers: Series
     """t^0 ... t^(p+1), with t from 0 to h."""

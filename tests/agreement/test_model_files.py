@@ -15,6 +15,7 @@ import trebucheck as tb
 from model_files import RandomModel
 from trebucheck.comparisons.runs.model_files import _refuse_wrong_reading as refuse_wrong_reading
 from trebucheck.comparisons.runs.model_files import read_model_file
+from trebucheck.engines.study import ModelStart
 from trebucheck.models.elements import SlideSpringDamper
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.equations import Equations
@@ -61,7 +62,7 @@ def test_random_models_are_read_as_they_are(seed: int) -> None:
     """Reading itself holds accelerations, gaps, places and loops against MuJoCo's to 1e-9."""
     random = RandomModel(seed, PLANES[seed % 4], loop=seed % 3 == 0)
     text = random.text()
-    read: Any = read_model_file(text, ctrl=random.controls())
+    read: Any = read_model_file(text, ModelStart(ctrl=random.controls()))
     kinematics, data = Kinematics(read.mechanism), MODEL.MjData(read.model)
     rng = np.random.default_rng(seed)
     data.qpos[:], data.qvel[:] = rng.uniform(-2, 2, (2, read.model.nv))
@@ -76,7 +77,7 @@ def test_random_models_move_as_they_do(seed: int) -> None:
     """The limit of RK4 at short steps, without constraints, is the reference."""
     random = RandomModel(seed, PLANES[seed % 4])
     text, duration = random.text(4), 0.25
-    read: Any = read_model_file(text, ctrl=random.controls(), without=("limits",))
+    read: Any = read_model_file(text, ModelStart(ctrl=random.controls(), without=("limits",)))
     model = read.model
     model.opt.integrator, model.opt.timestep = MODEL.mjtIntegrator.mjINT_RK4, 2.5e-4
     data = MODEL.MjData(model)
@@ -180,7 +181,7 @@ MISTAKES: dict[str, Callable[[tb.Mechanism], tb.Mechanism]] = {
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_wrong_reading_is_refused(mistake: str) -> None:
-    read: Any = read_model_file(CART, keyframe="leaning")
+    read: Any = read_model_file(CART, ModelStart(keyframe="leaning"))
     refuse_wrong_reading(read)  # it is right
     wrong = dataclasses.replace(read, mechanism=MISTAKES[mistake](read.mechanism))
     with pytest.raises(tb.SimulationError, match="was not read rightly"):
@@ -188,7 +189,7 @@ def test_a_wrong_reading_is_refused(mistake: str) -> None:
 
 
 def test_a_loop_that_closes_elsewhere_is_refused() -> None:
-    read: Any = read_model_file(CART, keyframe="leaning")
+    read: Any = read_model_file(CART, ModelStart(keyframe="leaning"))
     (rod,) = read.mechanism.loop_joints
     others = tuple(joint for joint in read.mechanism.joints if joint.name != rod.name)
     moved = rod.model_copy(update={"parent_point": (rod.parent_point[0], 0.0)})
@@ -225,7 +226,8 @@ def test_what_is_written_is_read_again(name: str, tmp_path: Path) -> None:
     mechanism = tb.problem(name).mechanism
     path = tmp_path / "written.xml"
     path.write_text(tb.mjcf(name))
-    read: Any = read_model_file(path, without=("limits", "tendons", "equalities"), keyframe=None)
+    start = ModelStart(without=("limits", "tendons", "equalities"))
+    read: Any = read_model_file(path, start)
     data = MODEL.MjData(read.model)
     equations, again = Equations(mechanism), Equations(read.mechanism)
     turned = np.random.default_rng(5).uniform(-1, 1, len(mechanism.coordinates))

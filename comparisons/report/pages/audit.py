@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...audit import Audit, AuditedRun
+from ...audit import SHARE, Audit, AuditedRun
 from .. import document as doc
 from ..plots import Axis, Plot, Series, Style, distinct_colours
 
@@ -49,8 +49,8 @@ def _runs(found: Audit) -> doc.Block:
         "The file with other integrators and steps, all else as given; the processor time is that "
         "of the engine's steps up to the end of what is compared."
     )
-    heads = ("integrator", "step [s]", "off by [m]", "leaves 1 % at [s]", "processor time [s]", "")
-    return doc.table(heads, rows, caption)
+    heads = "integrator", "step [s]", "off by [m]", "leaves 1 % at [s]", "processor time [s]"
+    return doc.table((*heads, "remark"), rows, caption)
 
 
 def _row(run: AuditedRun) -> tuple[object, ...]:
@@ -65,9 +65,8 @@ def _row(run: AuditedRun) -> tuple[object, ...]:
 def _advice(found: Audit) -> doc.Block:
     if found.cheapest is None:
         return doc.Text(f"None of these holds {found.accuracy:.2g} m.")
-    longest = max(run.timestep for run in found.runs)
     title = f"The cheapest of these that hold {found.accuracy:.2g} m"
-    if f'"{longest:g}"' in found.cheapest:
+    if found.is_longest:
         title += "; no longer step was tried"
     return doc.Code(title, found.cheapest)
 
@@ -80,7 +79,10 @@ def _plot(found: Audit) -> Plot:
     series = (
         Series("as given", t[positive], off[positive], Style(colour)),
         Series(
-            "1 % of the size", t[[0, -1]], np.full(2, 0.01 * found.size), Style(colour, dashed=True)
+            "1 % of the size",
+            t[[0, -1]],
+            np.full(2, SHARE * found.size),
+            Style(colour, dashed=True),
         ),
     )
     axis = Axis("distance from the reference", "m", logarithmic=True)

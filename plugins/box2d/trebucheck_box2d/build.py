@@ -58,7 +58,7 @@ class JointPlan:
 
 
 class Plan:
-    """What is built of a mechanism.
+    """Bodies, joints and limits that Box2D is to build for a mechanism.
 
     Args:
         mechanism: a body without inertia is one that Box2D never turns.
