@@ -104,7 +104,7 @@ def judge_command(call: Call) -> bool:
 
 
 @command(
-    "file until accuracy keyframe qpos qvel ctrl without quiet json",
+    "file until accuracy keyframe qpos qvel ctrl without engines quiet json",
     folder("audit", "Folder for audit.html and audit.json."),
     file=argument("MJCF or URDF file of a model that moves in a plane.", Path),
     until=option("--until", "End of what is compared (s).", float, 5.0),
@@ -131,7 +131,12 @@ def audit_command(call: Call) -> None:
     refuse_unwritable(call.out)
     with call.progress(width=24) as show:
         found = audit(
-            call.file, call.until, accuracy=call.accuracy, progress=show, **call.model_start()
+            call.file,
+            call.until,
+            accuracy=call.accuracy,
+            **call.model_start(),
+            engines=call.names("engines"),
+            progress=show,
         )
     found = found.made_by(call.command_line)
     call.publish("audit.json", found.to_json(), document(found), "audit.html", "Page")

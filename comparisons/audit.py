@@ -2,12 +2,13 @@
 
 The file is moved by its own engine as it is given, and with other integrators and steps; each
 motion is held against the reference motion of the mechanism that was read from the file, up to the
-first contact, or the predictability horizon.
+first contact, or the predictability horizon. So are other engines' motions of that mechanism.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
@@ -15,7 +16,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from ..engines.study import GivenRun, ModelFile, ModelStart
+from ..engines.presets import SETTINGS
+from ..engines.registry import engine, engine_class, engine_names
+from ..engines.study import GivenRun, ModelFile, ModelOptions, ModelStart
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import Kinematics
@@ -23,10 +26,12 @@ from ..models.mechanism import Mechanism
 from ..models.problem import StopLaw
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
+from ..models.trajectory import Provenance, Trajectory
 from .runs.metrics import compared_points
-from .runs.model_files import read_model_file
-from .runs.results import ResultFile
-from .runs.runner import Runner
+from .runs.model_files import largest_difference, read_model_file
+from .runs.process import Worker
+from .runs.results import REFERENCE, ResultFile
+from .runs.runner import Runner, failure, refuse_invalid
 from .runs.study import Until
 
 FORMAT = "trebucheck-audit-1"
@@ -38,6 +43,8 @@ _TIMES = (0.1, 0.25, 0.5, 1.0)  # at which the error is told, in parts of the co
 _POINTS = 400  # of a curve
 _AT_REST = 1e-9  # [m] size of a motion that is none
 _LONGEST = 5.0  # [s] that is compared where no time is asked for
+_STEPS_OF_CAUSES = 10  # at least, over which causes are told apart
+_TIMEOUT = 60.0  # [s] for a run of another engine
 
 Progress = Callable[[str, int, int], None]
 
@@ -47,6 +54,21 @@ class ErrorAt(Spec):
 
     t: Real = Field(description="[s]")
     error: Real = Field(description="largest distance of any point up to then [m]")
+
+
+class AuditSample(Spec):
+    """The file's simulation, as it is given, at a time."""
+
+    t: Real = Field(description="[s]")
+    error: Real = Field(description="largest distance of any point then [m]")
+    energy_error: Real = Field(
+        description="kinetic and potential energy less that of the reference, both by the file's "
+        "engine [J]"
+    )
+    q: tuple[Real, ...] = Field(description="coordinates of the mechanism [rad or m]")
+    u: tuple[Real, ...] = Field(description="speeds")
+    kinetic_energy: Real = Field(description="by the file's engine [J]")
+    potential_energy: Real = Field(description="by the file's engine [J]")
 
 
 class AuditedRun(Spec):
@@ -68,15 +90,50 @@ class AuditedRun(Spec):
     message: str | None = Field(default=None, description="why there is no motion")
 
 
+class CauseShare(Spec):
+    """A cause of the error of the file as it is given, and what is left without it."""
+
+    name: str
+    change: str = Field(description="of the options, with those of the causes before it")
+    left: Real | None = Field(
+        default=None, description="error without this cause and those before it [m]"
+    )
+    share: Real | None = Field(
+        default=None,
+        description="of the error as given, that goes with it; negative: it hid another cause",
+    )
+    message: str | None = Field(default=None, description="why there is no motion without it")
+
+
+class EngineRun(Spec):
+    """A motion of the mechanism by another engine."""
+
+    engine: str
+    preset: str
+    timestep: Real | None = Field(default=None, description="[s]")
+    error: Real | None = Field(
+        default=None, description="largest distance of any point to the end of what is compared [m]"
+    )
+    leaves: Real | None = Field(default=None, description="as of the file's own runs [s]")
+    message: str | None = Field(default=None, description="why there is no motion")
+
+
 class Audit(Reported, ResultFile):
     """How far a model file's simulation is from the mechanics it stands for."""
 
     format: Literal["trebucheck-audit-1"] = FORMAT
     model: str
     source: str = Field(description="the file")
+    engine: str = Field(description="that the file is for")
+    engine_version: str
     mechanism: Mechanism
     mechanism_hash: str
     left_out: tuple[str, ...] = Field(description="features that the mechanism has not")
+    difference: Real = Field(
+        description="largest difference of mass matrix, accelerations, gaps, sites and loops from "
+        "the engine's own at random states, in parts of their sizes"
+    )
+    difference_of: str = Field(description="the quantity that differs most; empty: none does")
     asked: Real = Field(description="end that was asked for [s]")
     compared_to: Real = Field(description="end of what is compared [s]")
     ended: str = Field(description="why that is earlier; empty: it is not")
@@ -87,8 +144,14 @@ class Audit(Reported, ResultFile):
     points: tuple[str, ...] = Field(description="markers, or bodies for their centres of mass")
     accuracy: Real = Field(description="error that is asked for [m]")
     errors: tuple[ErrorAt, ...] = Field(description="of the file as it is given")
-    curve: tuple[ErrorAt, ...] = Field(description="the same over time, at that time alone")
+    samples: tuple[AuditSample, ...] = Field(description="the same over time")
     runs: tuple[AuditedRun, ...]
+    causes_to: Real = Field(
+        description="end of what the causes are of [s]: where it leaves a hundredth, but ten "
+        "steps at least; or all"
+    )
+    causes: tuple[CauseShare, ...] = Field(description="taken out one after another")
+    engines: tuple[EngineRun, ...] = Field(description="others, with the mechanism that was read")
     cheapest: str | None = Field(
         default=None, description="options for the file that hold the accuracy at the least cost"
     )
@@ -115,6 +178,44 @@ class Audit(Reported, ResultFile):
         for run in self.runs:
             yield {"model": self.model, **run.model_dump()}
 
+    def trajectory(self) -> Trajectory:
+        """The file's simulation as it is given, at the times of its samples.
+
+        Raises:
+            InputError: it has no samples: the file cannot be moved as it is given.
+        """
+        if not self.samples:
+            raise InputError(f"{self.headline()}: it has no trajectory.")
+        t, kinetic, potential, q, u = (
+            np.array([getattr(each, name) for each in self.samples])
+            for name in ("t", "kinetic_energy", "potential_energy", "q", "u")
+        )
+        given = self.given
+        provenance = Provenance(
+            engine=self.engine,
+            engine_version=self.engine_version,
+            preset="given",
+            settings={"integrator": given.integrator, "timestep": given.timestep},
+            mechanism_hash=self.mechanism_hash,
+            duration=float(t[-1]),
+            stop_law=StopLaw.UNILATERAL.value,
+            steps=given.steps,
+            wall_time=given.processor_time or 0.0,
+        )
+        return Trajectory(
+            mechanism=self.mechanism,
+            t=t,
+            q=q,
+            u=u,
+            markers={},
+            kinetic_energy=kinetic,
+            potential_energy=potential,
+            stop_torques={},
+            release_times={},
+            joint_reactions={},
+            provenance=provenance,
+        )
+
 
 def audit(
     source: str | Path | Any,
@@ -126,6 +227,7 @@ def audit(
     qvel: Sequence[float] | None = None,
     ctrl: Sequence[float] | None = None,
     without: Collection[str] = (),
+    engines: Collection[str] | None = None,
     progress: Progress | None = None,
 ) -> Audit:
     """Tell how far the simulation of a model file is from the mechanics it stands for.
@@ -139,137 +241,240 @@ def audit(
         accuracy: error for which the cheapest options are looked for [m]; a hundredth of the
             motion's size if left out.
         keyframe, qpos, qvel, ctrl, without: as of :func:`.runs.model_files.from_mjcf`.
+        engines: other engines that move the mechanism, with the preset `settings`; all that are
+            installed if left out.
         progress: called before each run.
 
     Raises:
-        InputError: the file, the start, the end or the accuracy is not valid, or nothing moves.
+        InputError: the file, the start, the end or the accuracy is not valid, nothing moves, or an
+            engine is unknown.
         UnsupportedProblemError: the model cannot be read; the sentence names why.
         SimulationError: the reference cannot move it.
     """
     for what, value in (("until", until), ("accuracy", accuracy)):
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{what} = {value!r} must be a positive number.")
+    for name in engines or ():
+        engine(name, SETTINGS)  # refuses one that is unknown before anything is moved
     read = read_model_file(source, ModelStart(keyframe, qpos, qvel, ctrl, without))
     name = str(source) if isinstance(source, str | Path) else "a compiled model"
     shown = "the MJCF text" if name.lstrip().startswith("<") else name
-    return _Audited(read, float(until), progress).made(shown, accuracy)
+    others = engines
+    if others is None:
+        others = [each for each in engine_names() if each not in (REFERENCE, read.engine)]
+    with Worker(_TIMEOUT) as worker:
+        return _Audited(read, float(until), worker, progress).made(shown, accuracy, others)
 
 
 class _Audited:
     """Motions of a file beside its reference motion."""
 
-    def __init__(self, read: ModelFile, until: float, progress: Progress | None) -> None:
+    def __init__(
+        self, read: ModelFile, until: float, worker: Worker, progress: Progress | None
+    ) -> None:
         self.read, self.until, self.progress = read, until, progress
         self.runner = Runner(read.mechanism, until=Until.of(until), law=StopLaw.UNILATERAL)
+        self._worker = worker
         self._kinematics = Kinematics(read.mechanism)
         self._points = compared_points(self._kinematics)
+        self._motions: dict[ModelOptions, GivenRun | str] = {}
 
-    def made(self, source: str, accuracy: float | None) -> Audit:
-        """Errors of the file as it is given, the runs with other options, and the cheapest."""
-        given = self._moved(*self._own)
-        end, ended = self._end(given)
+    @cached_property
+    def given(self) -> GivenRun | str:
+        """The motion as given, or why there is none."""
+        return self._moved(self.read.options)
+
+    @cached_property
+    def options(self) -> tuple[ModelOptions, ...]:
+        """The file's own, then each integrator at each step."""
+        own = self.read.options
+        steps = [part * own.timestep for part in _STEPS]
+        others = [ModelOptions(*each) for each in product(self.read.integrators, steps)]
+        return own, *(each for each in others if each != own)
+
+    def _ends(self) -> tuple[float, str]:
+        """End of what is compared [s], and why it is earlier than what was asked for.
+
+        Bodies touch where they do in a motion that has not left the reference by then.
+        """
+        end, ended = self.until, ""
+        if self.runner.judged_to < end:
+            end = self.runner.judged_to
+            ended = "no double-precision simulation predicts the motion beyond it"
+        allowed = SHARE * self._size(end)
+        for options in self.options:
+            moved = self._moved(options)
+            if isinstance(moved, str) or moved.contact is None or moved.contact >= end:
+                continue
+            if self._largest(moved, moved.contact) <= allowed:
+                end, ended = moved.contact, "bodies touch then, which the mechanism does not know"
+        return end, ended
+
+    def _size(self, end: float) -> float:
+        """Diagonal of the box that the path of the point that moves farthest fills [m]."""
         way = self._places(self.runner.reference(np.linspace(0.0, end, _POINTS)).q)
-        size = float(np.linalg.norm(np.ptp(way, axis=0), axis=-1).max())
+        return float(np.linalg.norm(np.ptp(way, axis=0), axis=-1).max())
+
+    def made(self, source: str, accuracy: float | None, others: Collection[str]) -> Audit:
+        """Errors of the file as it is given, of other options and engines, and the cheapest."""
+        mechanism = self.read.mechanism
+        for done, options in enumerate(self.options):
+            what = f"{options.integrator}, {options.timestep:g} s"
+            self._tell(what, done, len(self.options))
+            self._moved(options)
+        end, ended = self._ends()
+        if end <= 0.0:
+            raise InputError(
+                f"bodies of {mechanism.name!r} touch at the start, which the mechanism does not "
+                "know; give another start (qpos, qvel or a keyframe)."
+            )
+        size = self._size(end)
         if size < _AT_REST:
             raise InputError(
-                f"nothing moves in {self.read.mechanism.name!r} from this start; give another one "
+                f"nothing moves in {mechanism.name!r} from this start; give another one "
                 "(qpos, qvel or a keyframe), or controls."
             )
         wanted = accuracy if accuracy is not None else SHARE * size
-        runs = [*self._runs(given, end, size)]
+        runs = [self._run(options, end, size) for options in self.options]
         cheapest = self._cheapest(runs, wanted)
-        errors, curve = list[ErrorAt](), list[ErrorAt]()
-        if isinstance(given, GivenRun):
-            t, off = self._off(given, end)
-            for part in _TIMES:
-                upto = off[t <= part * end]
-                errors.append(ErrorAt(t=part * end, error=float(upto.max(initial=0.0))))
-            kept = np.unique(np.linspace(0, len(t) - 1, min(len(t), _POINTS)).astype(int))
-            curve += [ErrorAt(t=float(t[k]), error=float(off[k])) for k in kept]
-        mechanism = self.read.mechanism
+        difference, difference_of = largest_difference(self.read)
+        least = _STEPS_OF_CAUSES * self.read.options.timestep
+        causes_to = min(end, max(runs[0].leaves or end, least))
         return Audit.made_here(
             model=mechanism.name,
             source=source,
+            engine=self.read.engine,
+            engine_version=engine_class(self.read.engine).version(),
             mechanism=mechanism,
             mechanism_hash=mechanism.content_hash,
             left_out=self.read.left_out,
+            difference=difference,
+            difference_of=difference_of,
             asked=self.until,
             compared_to=end,
             ended=ended,
             size=size,
             points=tuple(self._points),
             accuracy=wanted,
-            errors=tuple(errors),
-            curve=tuple(curve),
+            errors=tuple(self._errors(end)),
+            samples=tuple(self._samples(end)),
             runs=tuple(runs),
-            cheapest=cheapest and self.read.option_text(cheapest.integrator, cheapest.timestep),
+            causes_to=causes_to,
+            causes=tuple(self._causes(causes_to)),
+            engines=tuple(self._by_engine(each, end, size) for each in others),
+            cheapest=cheapest and self.read.option_text(_options(cheapest)),
             is_longest=cheapest is not None
             and cheapest.timestep == max(run.timestep for run in runs),
         )
 
-    @property
-    def _own(self) -> tuple[str, float]:
-        """Integrator and step [s] of the file."""
-        return self.read.integrator, self.read.timestep
-
-    def _moved(self, integrator: str, step: float) -> GivenRun | str:
+    def _moved(self, options: ModelOptions) -> GivenRun | str:
         """A motion to the end that is asked for, or why there is none."""
-        if self.until / step > _MOST_STEPS:
-            return f"it would take {self.until / step:.2g} steps, and {_MOST_STEPS} are taken."
+        if options not in self._motions:
+            self._motions[options] = self._moved_now(options)
+        return self._motions[options]
+
+    def _moved_now(self, options: ModelOptions) -> GivenRun | str:
+        steps = self.until / options.timestep
+        if steps > _MOST_STEPS:
+            return f"it would take {steps:.2g} steps, and {_MOST_STEPS} are taken."
         try:
-            return self.read.moved(self.until, integrator, step)
+            return self.read.moved(self.until, options)
         except SimulationError as error:
             return str(error)
 
-    def _end(self, given: GivenRun | str) -> tuple[float, str]:
-        """End of what is compared [s], and why it is earlier than what was asked for."""
-        end, ended = self.until, ""
-        if self.runner.judged_to < end:
-            end = self.runner.judged_to
-            ended = "no double-precision simulation predicts the motion beyond it"
-        contact = given.contact if isinstance(given, GivenRun) else None
-        if contact is not None and contact < end:
-            end, ended = contact, "bodies touch there, which the mechanism does not know"
-        return end, ended
+    def _errors(self, end: float) -> Iterator[ErrorAt]:
+        """Largest errors of the file as it is given up to some times."""
+        if isinstance(self.given, GivenRun):
+            t, off = self._off(self.given.t, self.given.q, end)
+            for part in _TIMES:
+                upto = off[t <= part * end]
+                yield ErrorAt(t=part * end, error=float(upto.max(initial=0.0)))
 
-    def _runs(self, given: GivenRun | str, end: float, size: float) -> Iterator[AuditedRun]:
-        """The file's own options, then each integrator at each step."""
-        yield self._run(given, self._own, end, size)
-        steps = [part * self.read.timestep for part in _STEPS]
-        others = [each for each in product(self.read.integrators, steps) if each != self._own]
-        for done, (integrator, step) in enumerate(others):
-            if self.progress:
-                self.progress(f"{integrator}, {step:g} s", done, len(others))
-            yield self._run(self._moved(integrator, step), (integrator, step), end, size)
+    def _samples(self, end: float) -> Iterator[AuditSample]:
+        """The file as it is given at some of its steps."""
+        given = self.given
+        if not isinstance(given, GivenRun):
+            return
+        t, off = self._off(given.t, given.q, end)
+        kept = np.unique(np.linspace(0, len(t) - 1, min(len(t), _POINTS)).astype(int))
+        expected = self.runner.reference(t[kept])
+        kinetic, potential = self.read.energies(given.q[kept], given.u[kept])
+        energy = sum(self.read.energies(expected.q, expected.u))
+        for k, index in enumerate(kept):
+            yield AuditSample(
+                t=float(t[index]),
+                error=float(off[index]),
+                energy_error=float((kinetic + potential - energy)[k]),
+                q=tuple(map(float, given.q[index])),
+                u=tuple(map(float, given.u[index])),
+                kinetic_energy=float(kinetic[k]),
+                potential_energy=float(potential[k]),
+            )
 
-    def _run(
-        self, moved: GivenRun | str, options: tuple[str, float], end: float, size: float
-    ) -> AuditedRun:
-        integrator, step = options
+    def _tell(self, what: str, done: int, of: int) -> None:
+        if self.progress:
+            self.progress(what, done, of)
+
+    def _run(self, options: ModelOptions, end: float, size: float) -> AuditedRun:
+        moved = self._moved(options)
         head: dict[str, Any] = {
-            "integrator": integrator,
-            "timestep": step,
-            "is_given": options == self._own,
+            "integrator": options.integrator,
+            "timestep": options.timestep,
+            "is_given": options == self.read.options,
         }
         if isinstance(moved, str):
             return AuditedRun(**head, message=moved)
-        t, off = self._off(moved, end)
+        t, off = self._off(moved.t, moved.q, end)
         if len(t) < 2:
             return AuditedRun(**head, message="its step is longer than what is compared.")
-        beyond = t[off > SHARE * size]
         return AuditedRun(
             **head,
             error=float(off.max()),
-            leaves=float(beyond[0]) if len(beyond) else None,
+            leaves=_first(t, off, SHARE * size),
             steps=len(t) - 1,
             processor_time=moved.processor_time * (len(t) - 1) / (len(moved.t) - 1),
         )
 
-    def _off(self, moved: GivenRun, end: float) -> tuple[FloatArray, FloatArray]:
+    def _causes(self, end: float) -> Iterator[CauseShare]:
+        """Errors up to a time with one cause after another taken out."""
+        if not isinstance(self.given, GivenRun):
+            return
+        options, whole = self.read.options, self._largest(self.given, end)
+        before = whole
+        for cause in self.read.causes:
+            options = cause.without(options)
+            self._tell(f"without {cause.name}", 0, 1)
+            moved = self._moved(options)
+            if isinstance(moved, str):
+                yield CauseShare(name=cause.name, change=cause.change, message=moved)
+                continue
+            left = self._largest(moved, end)
+            share = (before - left) / whole if whole else None
+            yield CauseShare(name=cause.name, change=cause.change, left=left, share=share)
+            before = left
+
+    def _by_engine(self, name: str, end: float, size: float) -> EngineRun:
+        """The mechanism's motion by another engine."""
+        self._tell(name, 0, 1)
+        head: dict[str, Any] = {"engine": name, "preset": SETTINGS}
+        try:
+            other = engine(name, SETTINGS)
+            head["timestep"] = other.timestep
+            found = self._worker.simulate(other, self.runner.problem(other))
+            run = refuse_invalid(other.name, found, self.read.mechanism, other.capabilities)
+        except Exception as error:  # an engine may raise anything, and the audit goes on
+            return EngineRun(**head, message=failure(error)[1])
+        t, off = self._off(run.t, run.q, end)
+        return EngineRun(**head, error=float(off.max()), leaves=_first(t, off, SHARE * size))
+
+    def _largest(self, moved: GivenRun, end: float) -> float:
+        return float(self._off(moved.t, moved.q, end)[1].max())
+
+    def _off(self, t: FloatArray, q: FloatArray, end: float) -> tuple[FloatArray, FloatArray]:
         """Times up to the end, and the largest distance of any point at each [m]."""
-        t = moved.t[moved.t <= end * (1 + 1e-12)]
+        t = t[t <= end * (1 + 1e-12)]
         expected = self._places(self.runner.reference(t).q)
-        return t, np.linalg.norm(self._places(moved.q[: len(t)]) - expected, axis=-1).max(axis=1)
+        return t, np.linalg.norm(self._places(q[: len(t)]) - expected, axis=-1).max(axis=1)
 
     def _places(self, q: FloatArray) -> FloatArray:
         """Places of the points, shape (n, n_points, 2) [m]."""
@@ -294,3 +499,13 @@ class _Audited:
             key=lambda run: (costs[run.integrator] * run.steps, -run.timestep),
             default=None,
         )
+
+
+def _options(run: AuditedRun) -> ModelOptions:
+    return ModelOptions(run.integrator, run.timestep)
+
+
+def _first(t: FloatArray, off: FloatArray, allowed: float) -> float | None:
+    """First time at which an error is larger than what is allowed; None: at none."""
+    beyond = t[off > allowed]
+    return float(beyond[0]) if len(beyond) else None

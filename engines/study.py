@@ -295,6 +295,8 @@ class ModelStates:
     """Speeds, shape (n, n_q)."""
     a: FloatArray
     """Accelerations without stops and loops, shape (n, n_q)."""
+    mass: FloatArray
+    """Mass matrix, shape (n, n_q, n_q)."""
     gaps: Mapping[str, FloatArray]
     """Gap of each stop, shape (n,) [rad or m]."""
     markers: Mapping[str, FloatArray]
@@ -312,8 +314,10 @@ class GivenRun:
     """Times of the steps, shape (n,) [s]."""
     q: FloatArray
     """Coordinates of the mechanism that was read, shape (n, n_q)."""
+    u: FloatArray
+    """Speeds, shape (n, n_q)."""
     contact: float | None
-    """First time at which geoms touch, which no mechanism has [s]; None: they do not."""
+    """Last time before geoms touch, which no mechanism has [s]; None: they do not."""
     processor_time: float
     """Processor time of the steps alone [s]."""
 
@@ -333,6 +337,29 @@ class ModelStart:
     without: Collection[str] = ()
     """Features to leave out: "limits", "friction-loss", "fluid", "actuators", "equalities",
     "tendons"."""
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """Options with which a model file is moved."""
+
+    integrator: str
+    timestep: float
+    """[s]"""
+    explicit_damping: bool = False
+    """Whether an integrator that treats damping implicitly, and nothing else, does not."""
+    stiff: bool = False
+    """Whether limits and loops are as stiff as the step can bear, in place of the file's own."""
+
+
+@dataclass(frozen=True)
+class ModelCause:
+    """A cause of a model file's error, and the change of its options that takes it out."""
+
+    name: str
+    change: str
+    """What is changed, in a few words."""
+    without: Callable[[ModelOptions], ModelOptions]
 
 
 class ReadsModel(Protocol):
@@ -363,13 +390,13 @@ class ModelFile(Protocol):
         ...
 
     @property
-    def integrator(self) -> str:
-        """Integrator that the file gives."""
+    def engine(self) -> str:
+        """Name of its engine."""
         ...
 
     @property
-    def timestep(self) -> float:
-        """Step that the file gives [s]."""
+    def options(self) -> ModelOptions:
+        """Options that the file gives."""
         ...
 
     @property
@@ -377,16 +404,25 @@ class ModelFile(Protocol):
         """Integrators of the engine that an audit tries."""
         ...
 
-    def option_text(self, integrator: str, timestep: float) -> str:
-        """Text of these options, as it stands in a file."""
+    @property
+    def causes(self) -> tuple[ModelCause, ...]:
+        """Causes of its error, in the order in which they are taken out, one after another."""
+        ...
+
+    def option_text(self, options: ModelOptions) -> str:
+        """Text of an integrator and its step, as it stands in a file."""
         ...
 
     def random_states(self, number: int) -> ModelStates:
         """The engine's own values at random states, without stops and loops."""
         ...
 
-    def moved(self, duration: float, integrator: str, timestep: float) -> GivenRun:
-        """Move the file's own model, nothing left out, with an integrator and a step [s].
+    def energies(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The engine's own kinetic and potential energies at states, each of shape (n,) [J]."""
+        ...
+
+    def moved(self, duration: float, options: ModelOptions) -> GivenRun:
+        """Move the file's own model, nothing left out, for a time [s].
 
         Raises:
             SimulationError: its state is not finite any more.

@@ -82,12 +82,16 @@ def read_model_file(source: str | Path | Any, start: ModelStart | None = None) -
         read = reader(source, start or ModelStart())
     except ImportError as error:
         raise EngineNotInstalledError(f"a model file cannot be read: {error}.") from None
-    _refuse_wrong_reading(read)
+    largest_difference(read)
     return read
 
 
-def _refuse_wrong_reading(read: ModelFile) -> None:
-    """Hold accelerations, gaps and markers of the mechanism against the engine's own.
+def largest_difference(read: ModelFile) -> tuple[float, str]:
+    """Hold a mechanism against the engine's own values at random states, without stops and loops.
+
+    Returns:
+        The largest difference in parts of the quantity's size, and of what it is: mass matrix,
+        accelerations, gaps, markers or loops.
 
     Raises:
         SimulationError: one differs: the model has something that the reader does not know.
@@ -98,8 +102,10 @@ def _refuse_wrong_reading(read: ModelFile) -> None:
     mechanism, states = read.mechanism, read.random_states(_STATES)
     free = mechanism.model_copy(update={"joints": mechanism.tree_joints, "stops": ()})
     kinematics = Kinematics(mechanism)
-    accelerations = Equations(free).solve(states.q, states.u, ())[0]
-    pairs = [
+    equations = Equations(free)
+    accelerations = equations.solve(states.q, states.u, ())[0]
+    pairs = [("the mass matrix", equations.mass_matrix(states.q), states.mass)]
+    pairs += [
         (f"the acceleration of {name!r}", accelerations[:, k], states.a[:, k])
         for k, name in enumerate(mechanism.coordinates)
     ]
@@ -120,17 +126,20 @@ def _refuse_wrong_reading(read: ModelFile) -> None:
         if joint.turned_by is not None:
             turned = kinematics.angle(joint.child, joint.parent).value(states.q) - joint.turned_by
             pairs.append((f"the angle of {joint.name!r}", np.abs(np.sin(turned / 2)), angle))
-    largest = float(np.abs(states.a).max())
+    largest, worst = float(np.abs(states.a).max()), (0.0, "")
     for what, ours, expected in pairs:
         # Rounding is that of the largest acceleration, or of lengths of 1 m.
-        size = max(float(np.abs(expected).max()), _SMALL * largest, 1.0)
+        least = 0.0 if expected is states.mass else max(_SMALL * largest, 1.0)
+        size = max(float(np.abs(expected).max()), least)
         off = float(np.abs(ours - expected).max())
+        worst = max(worst, (off / size, what))
         if not off <= _SAME * size:
             raise SimulationError(
                 f"{mechanism.name!r} was not read rightly: at random states {what} differs from "
                 f"the engine's by {off:.3g} of {size:.3g}; the model has something that the reader "
                 "does not know."
             )
+    return worst
 
 
 for suffix in SUFFIXES:

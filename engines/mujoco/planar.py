@@ -13,7 +13,8 @@ import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from time import process_time
 from typing import Any
 
@@ -42,8 +43,8 @@ from ...models.errors import InputError, SimulationError, UnsupportedProblemErro
 from ...models.mechanism import Body, Marker, Mechanism
 from ...models.mjcf.tree import number
 from ...models.spec import Vector
-from ..study import GivenRun, ModelStates
-from .compat import mujoco
+from ..study import REFINEMENT, GivenRun, ModelCause, ModelOptions, ModelStates
+from .compat import mass_matrix, mujoco
 from .motion import raised_warnings
 
 _ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
@@ -54,7 +55,9 @@ _FASTEST = 2.0  # [rad/s, m/s]
 _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
 
 _INTEGRATOR = "mjINT_"
-_INTEGRATORS = ("Euler", "implicitfast", "RK4")
+_EULER, _MOST_ACCURATE = "Euler", "RK4"
+_INTEGRATORS = (_EULER, "implicitfast", _MOST_ACCURATE)
+_STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo clamps impedances there
 
 LEAVABLE = (
     "contacts", "limits", "friction-loss", "fluid", "actuators", "equalities", "tendons",
@@ -140,57 +143,110 @@ class PlanarModel:
         return qvel @ self.rows.T
 
     @property
-    def integrator(self) -> str:
-        """Integrator that the file gives."""
-        integrator = mujoco.mjtIntegrator(int(self.given.opt.integrator))
-        name = str(integrator.name).removeprefix(_INTEGRATOR)
-        return {each.upper(): each for each in _INTEGRATORS}.get(name, name.lower())
+    def engine(self) -> str:
+        """Name of the engine."""
+        return "mujoco"
 
     @property
-    def timestep(self) -> float:
-        """Step that the file gives [s]."""
-        return float(self.given.opt.timestep)
+    def options(self) -> ModelOptions:
+        """Options that the file gives."""
+        integrator = mujoco.mjtIntegrator(int(self.given.opt.integrator))
+        name = str(integrator.name).removeprefix(_INTEGRATOR)
+        name = {each.upper(): each for each in _INTEGRATORS}.get(name, name.lower())
+        return ModelOptions(name, float(self.given.opt.timestep))
 
     @property
     def integrators(self) -> tuple[str, ...]:
         """Integrators that an audit tries."""
         return _INTEGRATORS
 
-    def option_text(self, integrator: str, timestep: float) -> str:
-        """The element of MJCF with these options."""
-        return f'<option integrator="{integrator}" timestep="{number(timestep)}"/>'
+    @property
+    def causes(self) -> tuple[ModelCause, ...]:
+        """Implicit damping, the integrator, the step, and the softness of limits and equalities."""
+        model, given = self.given, self.options
+        flags = int(model.opt.disableflags)
+        is_implicit = not flags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+        causes = list[ModelCause]()
+        if given.integrator == _EULER and is_implicit and np.any(model.dof_damping):
+            change = 'the flag eulerdamp="disable"'
+            without = partial(replace, explicit_damping=True)
+            causes.append(ModelCause("implicit damping of joints", change, without))
+        if given.integrator != _MOST_ACCURATE:
+            change = f"{_MOST_ACCURATE} in place of {given.integrator}"
+            without = partial(replace, integrator=_MOST_ACCURATE)
+            causes.append(ModelCause("integrator", change, without))
+        step = given.timestep / REFINEMENT
+        change = f"a step of {step:g} s in place of {given.timestep:g} s"
+        causes.append(ModelCause("time step", change, partial(replace, timestep=step)))
+        if np.any(model.jnt_limited) or np.any(model.eq_active0):
+            change = "a time constant of two steps, and an impedance of 0.9999"
+            without = partial(replace, stiff=True)
+            causes.append(ModelCause("softness of limits and equalities", change, without))
+        return tuple(causes)
 
-    def moved(self, duration: float, integrator: str, timestep: float) -> GivenRun:
-        """Move the file's own model with an integrator and a step [s].
+    def option_text(self, options: ModelOptions) -> str:
+        """The element of MJCF with an integrator and its step."""
+        step = number(options.timestep)
+        return f'<option integrator="{options.integrator}" timestep="{step}"/>'
+
+    def energies(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """MuJoCo's own kinetic and potential energies at states, each of shape (n,) [J]."""
+        data, energies = mujoco.MjData(self.given), np.empty((len(q), 2))
+        states = (np.linalg.solve(self.rows, values.T).T for values in (q - self.offset, u))
+        for k, (qpos, qvel) in enumerate(zip(*states, strict=True)):
+            data.qpos[:], data.qvel[:] = qpos, qvel
+            mujoco.mj_fwdPosition(self.given, data)
+            mujoco.mj_fwdVelocity(self.given, data)
+            mujoco.mj_energyPos(self.given, data)
+            mujoco.mj_energyVel(self.given, data)
+            energies[k] = data.energy
+        return energies[:, 1], energies[:, 0]
+
+    def moved(self, duration: float, options: ModelOptions) -> GivenRun:
+        """Move the file's own model, nothing left out, for a time [s].
 
         Raises:
             SimulationError: MuJoCo warned, or its state is not finite any more.
         """
-        model = copy(self.given)
-        model.opt.integrator = getattr(mujoco.mjtIntegrator, f"{_INTEGRATOR}{integrator.upper()}")
-        model.opt.timestep = timestep
-        # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        model, timestep = self._with(options), options.timestep
         steps = max(1, math.ceil(duration / timestep - 1e-9))
-        qpos, contact = np.empty((steps + 1, model.nq)), None
+        qpos, qvel = (np.empty((steps + 1, n)) for n in (model.nq, model.nv))
+        contact = None
         with raised_warnings():
             data = self._start(model)
             began = process_time()
             mujoco.mj_step(model, data, nstep=steps)
             spent, data = process_time() - began, self._start(model)
-            qpos[0] = data.qpos
+            qpos[0], qvel[0] = data.qpos, data.qvel
             for k in range(1, steps + 1):
                 mujoco.mj_step(model, data)
-                qpos[k] = data.qpos
+                qpos[k], qvel[k] = data.qpos, data.qvel
+                # Contacts were found at the beginning of the step, which they have changed.
                 if data.ncon and contact is None:
-                    contact = float(data.time)
-        if not np.isfinite(qpos).all():
+                    contact = (k - 1) * timestep
+        if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
             raise SimulationError(
-                f"{self.mechanism.name!r} diverges with the integrator {integrator!r} at a step of "
-                f"{timestep:g} s."
+                f"{self.mechanism.name!r} diverges with the integrator {options.integrator!r} at a "
+                f"step of {timestep:g} s."
             )
         t = timestep * np.arange(steps + 1, dtype=np.float64)
-        return GivenRun(t, self.coordinates(qpos), contact, spent)
+        return GivenRun(t, self.coordinates(qpos), self.speeds(qvel), contact, spent)
+
+    def _with(self, options: ModelOptions) -> Any:
+        """The model as it was given, with other options."""
+        model, flags = copy(self.given), mujoco.mjtDisableBit
+        integrator = f"{_INTEGRATOR}{options.integrator.upper()}"
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, integrator)
+        model.opt.timestep = options.timestep
+        # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
+        model.opt.disableflags |= flags.mjDSBL_AUTORESET
+        if options.explicit_damping:
+            model.opt.disableflags |= flags.mjDSBL_EULERDAMP
+        if options.stiff:
+            for kind in ("jnt", "eq"):
+                getattr(model, f"{kind}_solref")[:] = 2.0 * options.timestep, 1.0
+                getattr(model, f"{kind}_solimp")[:] = _STIFFEST
+        return model
 
     def _start(self, model: Any) -> Any:
         data = mujoco.MjData(model)
@@ -202,7 +258,8 @@ class PlanarModel:
         model, data = self.model, mujoco.MjData(self.model)
         random, before = np.random.default_rng(7), model.opt.disableflags
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        found: dict[str, list[FloatArray]] = {"qpos": [], "qvel": [], "qacc": [], "sites": []}
+        names = ("qpos", "qvel", "qacc", "sites", "mass")
+        found: dict[str, list[FloatArray]] = {name: [] for name in names}
         closed = list[FloatArray]()
         try:
             for _ in range(number):
@@ -213,15 +270,18 @@ class PlanarModel:
                 for name, values in (("qpos", data.qpos), ("qvel", data.qvel), ("qacc", data.qacc)):
                     found[name].append(np.array(values))
                 found["sites"].append(np.array(data.site_xpos).reshape(-1, 3))
+                found["mass"].append(mass_matrix(model, data))
                 closed.append(self._loops(data))
         finally:
             model.opt.disableflags = before
-        qpos, qvel, qacc, sites = (np.array(values) for values in found.values())
+        qpos, qvel, qacc, sites, mass = (np.array(values) for values in found.values())
+        inverse = np.linalg.inv(self.rows)
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return ModelStates(
             q=self.coordinates(qpos),
             u=self.speeds(qvel),
             a=self.speeds(qacc),
+            mass=inverse.T @ mass @ inverse,
             gaps={
                 name: side * (qpos[:, address] - limit)
                 for name, (address, side, limit) in self.limits.items()

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from model_files import RandomModel
-from trebucheck.comparisons.runs.model_files import _refuse_wrong_reading as refuse_wrong_reading
-from trebucheck.comparisons.runs.model_files import read_model_file
+from trebucheck.comparisons.runs.model_files import largest_difference, read_model_file
 from trebucheck.engines.study import ModelStart
 from trebucheck.models.elements import SlideSpringDamper
 from trebucheck.models.kinematics import Kinematics
@@ -182,10 +181,25 @@ MISTAKES: dict[str, Callable[[tb.Mechanism], tb.Mechanism]] = {
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_wrong_reading_is_refused(mistake: str) -> None:
     read: Any = read_model_file(CART, ModelStart(keyframe="leaning"))
-    refuse_wrong_reading(read)  # it is right
+    assert largest_difference(read)[0] < 1e-12
     wrong = dataclasses.replace(read, mechanism=MISTAKES[mistake](read.mechanism))
     with pytest.raises(tb.SimulationError, match="was not read rightly"):
-        refuse_wrong_reading(wrong)
+        largest_difference(wrong)
+
+
+@pytest.mark.parametrize("factor", [2.0, 1.0 + 1e-8])
+def test_a_mass_that_changes_no_acceleration_is_refused(factor: float) -> None:
+    """Gravity alone moves a pendulum of any mass alike."""
+    text = (
+        '<mujoco><worldbody><body><joint type="hinge" axis="0 1 0"/>'
+        '<geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/></body></worldbody></mujoco>'
+    )
+    read: Any = read_model_file(text)
+    heavier = changed_bodies(
+        read.mechanism, lambda b: {"mass": factor * b.mass, "inertia": factor * b.inertia}
+    )
+    with pytest.raises(tb.SimulationError, match="the mass matrix"):
+        largest_difference(dataclasses.replace(read, mechanism=heavier))
 
 
 def test_a_loop_that_closes_elsewhere_is_refused() -> None:
@@ -195,7 +209,7 @@ def test_a_loop_that_closes_elsewhere_is_refused() -> None:
     moved = rod.model_copy(update={"parent_point": (rod.parent_point[0], 0.0)})
     wrong = read.mechanism.model_copy(update={"joints": (*others, moved)})
     with pytest.raises(tb.SimulationError, match="rod"):
-        refuse_wrong_reading(dataclasses.replace(read, mechanism=wrong))
+        largest_difference(dataclasses.replace(read, mechanism=wrong))
 
 
 def test_a_keyframe_and_what_is_given_beside_it() -> None:
