@@ -7,6 +7,7 @@
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
 # make results  the built-in engines on all problems: docs/results/*.json (an hour or two; it resumes)
 # make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
+# make known-models  the planar models of dm_control and Gymnasium, audited: docs/known-models.* (a quarter of an hour)
 # make mujoco3  the MuJoCo adapter and the files on the least MuJoCo that is supported
 # make docs     the documentation as a site, in site/
 PYTHON ?= python3
@@ -18,7 +19,7 @@ OPEN   ?= $(shell command -v xdg-open || command -v open || echo true)
 PLUGINS ?= $(filter-out toolkit,$(patsubst plugins/%/pyproject.toml,%,$(wildcard plugins/*/pyproject.toml)))
 SATELLITES := ./environments ./importers ./plugins/toolkit
 
-.PHONY: report test test-all all quick lint types generated docs benchmark plugins results importers mujoco3 clean
+.PHONY: report test test-all all quick lint types generated docs benchmark plugins results importers known-models mujoco3 clean
 
 # Wheels are installed, not the checkout: that proves that they are complete, and is what type checkers resolve.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -70,6 +71,10 @@ generated: $(VENV)/satellites
 	$(BIN)/python docs/generate.py
 	$(BIN)/python importers/generate.py
 	$(BIN)/python paper/generate.py
+
+known-models: $(VENV)/satellites
+	$(PIP) --constraint constraints.txt "gymnasium" "dm_control" || $(PIP) --constraint constraints.txt "gymnasium"
+	$(BIN)/python -m trebucheck_environments.known_models docs $(KNOWN_MODELS)
 
 docs: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt ".[docs]"

@@ -10,3 +10,11 @@ from ..engines.presets import ASSISTED
 from ..engines.protocol import Engine
 from ..engines.reference.engine import ReferenceEngine
 from ..engines.registry import engine, engine_class, engine_names
+from ..engines.study import (
+    REFINEMENT,
+    GivenRun,
+    ModelCause,
+    ModelFile,
+    ModelOptions,
+    ModelStates,
+)

@@ -13,6 +13,7 @@ from ..models.elements import (
     AnyJoint,
     AnyStop,
     ConstantForce,
+    ConstantTorque,
     FreeJoint,
     PinJoint,
     PointStop,

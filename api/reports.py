@@ -17,6 +17,7 @@ from ..comparisons.report.document import (
     Listing,
     Mark,
     Note,
+    Table,
     Text,
     format_number,
     row,

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from ..comparisons.audit import Audit, audit
 from ..comparisons.compare import Comparison, compare
 from ..comparisons.data.certified import certified_dataset, content
 from ..comparisons.runs.process import Worker

@@ -119,8 +119,8 @@ def audit_command(call: Call) -> None:
     """Tell how far the simulation of a model file is from the mechanics, and until when.
 
     The file is moved by its engine as it is given, and with other integrators and steps, and held
-    against the reference motion of the mechanism in it, up to the first contact or the
-    predictability horizon. Ends with the cheapest option that holds an accuracy, ready to paste.
+    against the reference motion of the mechanism in it, up to the first contact or as long as that
+    is known. Ends with the cheapest option that holds an accuracy, ready to paste.
 
     Example: trebucheck audit cartpole.xml --qpos 0,0.1
     """

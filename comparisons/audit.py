@@ -2,7 +2,7 @@
 
 The file is moved by its own engine as it is given, and with other integrators and steps; each
 motion is held against the reference motion of the mechanism that was read from the file, up to the
-first contact, or the predictability horizon. So are other engines' motions of that mechanism.
+first contact, or as long as the reference is known. So are other engines' motions of it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from ..engines.presets import SETTINGS
-from ..engines.registry import engine, engine_class, engine_names
+from ..engines.registry import engine, engine_names
 from ..engines.study import GivenRun, ModelFile, ModelOptions, ModelStart
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError
@@ -39,11 +39,12 @@ _STEPS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.125)  # tried, in parts of the file's own
 _MOST_STEPS = 400_000  # of one run
 SHARE = 0.01
 """Part of the motion's size: a simulation has left the motion when it is off by more."""
-_TIMES = (0.1, 0.25, 0.5, 1.0)  # at which the error is told, in parts of the compared time
+_TIMES = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # [s] at which the error is told
 _POINTS = 400  # of a curve
 _AT_REST = 1e-9  # [m] size of a motion that is none
 _LONGEST = 5.0  # [s] that is compared where no time is asked for
 _STEPS_OF_CAUSES = 10  # at least, over which causes are told apart
+_TOUCH = "bodies touch then, which the mechanism does not know"
 _TIMEOUT = 60.0  # [s] for a run of another engine
 
 Progress = Callable[[str, int, int], None]
@@ -76,6 +77,9 @@ class AuditedRun(Spec):
 
     integrator: str
     timestep: Real = Field(description="[s]")
+    explicit_damping: bool = Field(
+        default=False, description="whether an integrator with implicit damping goes without it"
+    )
     is_given: bool = Field(description="whether these are the file's own")
     error: Real | None = Field(
         default=None, description="largest distance of any point to the end of what is compared [m]"
@@ -137,6 +141,14 @@ class Audit(Reported, ResultFile):
     asked: Real = Field(description="end that was asked for [s]")
     compared_to: Real = Field(description="end of what is compared [s]")
     ended: str = Field(description="why that is earlier; empty: it is not")
+    horizon: Real | None = Field(
+        default=None,
+        description="predictability horizon [s]: where a hundred-thousandth of a body's inertia "
+        "moves it by a thousandth; None: not within what is compared",
+    )
+    known_to: Real = Field(
+        description="estimated error of the reference at the end by rounding, in parts of scales"
+    )
     size: Real = Field(
         description="of the reference motion: the diagonal of the box that the path of the point "
         "that moves farthest fills [m]"
@@ -152,9 +164,10 @@ class Audit(Reported, ResultFile):
     )
     causes: tuple[CauseShare, ...] = Field(description="taken out one after another")
     engines: tuple[EngineRun, ...] = Field(description="others, with the mechanism that was read")
-    cheapest: str | None = Field(
-        default=None, description="options for the file that hold the accuracy at the least cost"
+    cheapest: AuditedRun | None = Field(
+        default=None, description="the run that holds the accuracy at the least cost"
     )
+    cheapest_option: str = Field(default="", description="its options, to paste into the file")
     is_longest: bool = Field(default=False, description="whether no longer step was tried than it")
 
     @property
@@ -236,8 +249,10 @@ def audit(
         >>> tb.audit("cartpole.xml", qpos=[0.0, 0.1]).given.leaves  # doctest: +SKIP
 
     Args:
-        source: as of :func:`.runs.model_files.from_mjcf`.
-        until: end of what is compared [s]; a contact or the predictability horizon may come first.
+        source: as of :func:`.runs.model_files.from_mjcf`, or a
+            :class:`..engines.study.ModelFile` of another simulator.
+        until: end of what is compared [s]; a contact may come first, or a time beyond which small
+            errors have grown so much that the reference itself is not known.
         accuracy: error for which the cheapest options are looked for [m]; a hundredth of the
             motion's size if left out.
         keyframe, qpos, qvel, ctrl, without: as of :func:`.runs.model_files.from_mjcf`.
@@ -256,9 +271,15 @@ def audit(
             raise InputError(f"{what} = {value!r} must be a positive number.")
     for name in engines or ():
         engine(name, SETTINGS)  # refuses one that is unknown before anything is moved
-    read = read_model_file(source, ModelStart(keyframe, qpos, qvel, ctrl, without))
-    name = str(source) if isinstance(source, str | Path) else "a compiled model"
-    shown = "the MJCF text" if name.lstrip().startswith("<") else name
+    start = ModelStart(keyframe, qpos, qvel, ctrl, without)
+    if isinstance(source, ModelFile):
+        if start != ModelStart():
+            raise InputError(f"{source.mechanism.name!r} has a start of its own; give no other.")
+        read, shown = source, f"{source.mechanism.name} of {source.engine}"
+    else:
+        read = read_model_file(source, start)
+        name = str(source) if isinstance(source, str | Path) else "a compiled model"
+        shown = "the MJCF text" if name.lstrip().startswith("<") else name
     others = engines
     if others is None:
         others = [each for each in engine_names() if each not in (REFERENCE, read.engine)]
@@ -273,11 +294,22 @@ class _Audited:
         self, read: ModelFile, until: float, worker: Worker, progress: Progress | None
     ) -> None:
         self.read, self.until, self.progress = read, until, progress
-        self.runner = Runner(read.mechanism, until=Until.of(until), law=StopLaw.UNILATERAL)
         self._worker = worker
         self._kinematics = Kinematics(read.mechanism)
         self._points = compared_points(self._kinematics)
         self._motions: dict[ModelOptions, GivenRun | str] = {}
+
+    @cached_property
+    def runner(self) -> Runner:
+        """The reference, up to when bodies touch in the last of the motions, if they do in all."""
+        motions = [self._moved(options) for options in self.options]
+        contacts = [each.contact for each in motions if isinstance(each, GivenRun)]
+        known = [time for time in contacts if time is not None]
+        end = max(known) if known and len(known) == len(contacts) else self.until
+        if end <= 0.0:
+            raise _touches_at_start(self.read.mechanism)
+        until = Until.of(min(end, self.until))
+        return Runner(self.read.mechanism, until=until, law=StopLaw.UNILATERAL)
 
     @cached_property
     def given(self) -> GivenRun | str:
@@ -290,24 +322,28 @@ class _Audited:
         own = self.read.options
         steps = [part * own.timestep for part in _STEPS]
         others = [ModelOptions(*each) for each in product(self.read.integrators, steps)]
-        return own, *(each for each in others if each != own)
+        return own, *self.read.variants, *(each for each in others if each != own)
 
     def _ends(self) -> tuple[float, str]:
         """End of what is compared [s], and why it is earlier than what was asked for.
 
         Bodies touch where they do in a motion that has not left the reference by then.
         """
-        end, ended = self.until, ""
-        if self.runner.judged_to < end:
-            end = self.runner.judged_to
-            ended = "no double-precision simulation predicts the motion beyond it"
+        end, ended = self.runner.end, ""
+        if end < self.until:
+            ended = _TOUCH
+        if self.runner.known_until < end:
+            end = self.runner.known_until
+            ended = "small errors grow so much that the reference is not known beyond it"
         allowed = SHARE * self._size(end)
         for options in self.options:
             moved = self._moved(options)
             if isinstance(moved, str) or moved.contact is None or moved.contact >= end:
                 continue
             if self._largest(moved, moved.contact) <= allowed:
-                end, ended = moved.contact, "bodies touch then, which the mechanism does not know"
+                end, ended = moved.contact, _TOUCH
+        if end <= 0.0:
+            raise _touches_at_start(self.read.mechanism)
         return end, ended
 
     def _size(self, end: float) -> float:
@@ -323,11 +359,6 @@ class _Audited:
             self._tell(what, done, len(self.options))
             self._moved(options)
         end, ended = self._ends()
-        if end <= 0.0:
-            raise InputError(
-                f"bodies of {mechanism.name!r} touch at the start, which the mechanism does not "
-                "know; give another start (qpos, qvel or a keyframe)."
-            )
         size = self._size(end)
         if size < _AT_REST:
             raise InputError(
@@ -344,7 +375,7 @@ class _Audited:
             model=mechanism.name,
             source=source,
             engine=self.read.engine,
-            engine_version=engine_class(self.read.engine).version(),
+            engine_version=self.read.engine_version,
             mechanism=mechanism,
             mechanism_hash=mechanism.content_hash,
             left_out=self.read.left_out,
@@ -353,6 +384,8 @@ class _Audited:
             asked=self.until,
             compared_to=end,
             ended=ended,
+            horizon=self.runner.judged_to if self.runner.judged_to < end else None,
+            known_to=self.runner.rounding(end),
             size=size,
             points=tuple(self._points),
             accuracy=wanted,
@@ -362,7 +395,8 @@ class _Audited:
             causes_to=causes_to,
             causes=tuple(self._causes(causes_to)),
             engines=tuple(self._by_engine(each, end, size) for each in others),
-            cheapest=cheapest and self.read.option_text(_options(cheapest)),
+            cheapest=cheapest,
+            cheapest_option=self.read.option_text(_options(cheapest)) if cheapest else "",
             is_longest=cheapest is not None
             and cheapest.timestep == max(run.timestep for run in runs),
         )
@@ -386,9 +420,9 @@ class _Audited:
         """Largest errors of the file as it is given up to some times."""
         if isinstance(self.given, GivenRun):
             t, off = self._off(self.given.t, self.given.q, end)
-            for part in _TIMES:
-                upto = off[t <= part * end]
-                yield ErrorAt(t=part * end, error=float(upto.max(initial=0.0)))
+            for time in (*(each for each in _TIMES if each < end), end):
+                upto = off[t <= time * (1 + 1e-12)]
+                yield ErrorAt(t=time, error=float(upto.max(initial=0.0)))
 
     def _samples(self, end: float) -> Iterator[AuditSample]:
         """The file as it is given at some of its steps."""
@@ -420,6 +454,7 @@ class _Audited:
         head: dict[str, Any] = {
             "integrator": options.integrator,
             "timestep": options.timestep,
+            "explicit_damping": options.explicit_damping,
             "is_given": options == self.read.options,
         }
         if isinstance(moved, str):
@@ -501,8 +536,15 @@ class _Audited:
         )
 
 
+def _touches_at_start(mechanism: Mechanism) -> InputError:
+    return InputError(
+        f"bodies of {mechanism.name!r} touch at the start, which the mechanism does not know; give "
+        "another start (qpos, qvel or a keyframe)."
+    )
+
+
 def _options(run: AuditedRun) -> ModelOptions:
-    return ModelOptions(run.integrator, run.timestep)
+    return ModelOptions(run.integrator, run.timestep, run.explicit_damping)
 
 
 def _first(t: FloatArray, off: FloatArray, allowed: float) -> float | None:

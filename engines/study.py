@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import JsonValue
@@ -295,8 +295,8 @@ class ModelStates:
     """Speeds, shape (n, n_q)."""
     a: FloatArray
     """Accelerations without stops and loops, shape (n, n_q)."""
-    mass: FloatArray
-    """Mass matrix, shape (n, n_q, n_q)."""
+    mass: FloatArray | None
+    """Mass matrix, shape (n, n_q, n_q); None: the engine has none."""
     gaps: Mapping[str, FloatArray]
     """Gap of each stop, shape (n,) [rad or m]."""
     markers: Mapping[str, FloatArray]
@@ -317,7 +317,7 @@ class GivenRun:
     u: FloatArray
     """Speeds, shape (n, n_q)."""
     contact: float | None
-    """Last time before geoms touch, which no mechanism has [s]; None: they do not."""
+    """Last time before something acts that the mechanism has not [s]; None: nothing does."""
     processor_time: float
     """Processor time of the steps alone [s]."""
 
@@ -376,8 +376,12 @@ class ReadsModel(Protocol):
         ...
 
 
+@runtime_checkable
 class ModelFile(Protocol):
-    """A model file of an engine as a mechanism, and how its coordinates follow from the file's."""
+    """A model of an engine's own as a mechanism, and how its coordinates follow from the model's.
+
+    Another simulator's model is one, too, if it has these members: `tb.audit` takes it.
+    """
 
     @property
     def mechanism(self) -> Mechanism:
@@ -395,6 +399,11 @@ class ModelFile(Protocol):
         ...
 
     @property
+    def engine_version(self) -> str:
+        """Version of the engine here."""
+        ...
+
+    @property
     def options(self) -> ModelOptions:
         """Options that the file gives."""
         ...
@@ -405,12 +414,17 @@ class ModelFile(Protocol):
         ...
 
     @property
+    def variants(self) -> tuple[ModelOptions, ...]:
+        """Options that an audit tries beside integrators and steps."""
+        ...
+
+    @property
     def causes(self) -> tuple[ModelCause, ...]:
         """Causes of its error, in the order in which they are taken out, one after another."""
         ...
 
     def option_text(self, options: ModelOptions) -> str:
-        """Text of an integrator and its step, as it stands in a file."""
+        """Text of these options, as it stands in a file."""
         ...
 
     def random_states(self, number: int) -> ModelStates:

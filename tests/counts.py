@@ -37,8 +37,8 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    # Files that people have are read: a reader, three elements, extrema of proofs, and their tests
-    "lines": 72400,
+    # Files that people have are read and audited; three elements, extrema of proofs
+    "lines": 72450,
     "modules": 280,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.
     # Each of the prover's is one formula; what ends with its parent is for plug-ins, too

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError, SimulationError
 from ...models.library.registry import is_file, read_file, read_files_by
 from ...models.mechanism import Mechanism
@@ -104,7 +105,9 @@ def largest_difference(read: ModelFile) -> tuple[float, str]:
     kinematics = Kinematics(mechanism)
     equations = Equations(free)
     accelerations = equations.solve(states.q, states.u, ())[0]
-    pairs = [("the mass matrix", equations.mass_matrix(states.q), states.mass)]
+    pairs = list[tuple[str, FloatArray, FloatArray]]()
+    if states.mass is not None:
+        pairs.append(("the mass matrix", equations.mass_matrix(states.q), states.mass))
     pairs += [
         (f"the acceleration of {name!r}", accelerations[:, k], states.a[:, k])
         for k, name in enumerate(mechanism.coordinates)

@@ -390,6 +390,15 @@ class Runner:
         return self.end if self._predictable else self._stretching.horizon
 
     @property
+    def known_until(self) -> float:
+        """Last time [s] up to which the reference itself is known, at most the end."""
+        return self._stretching.known_until
+
+    def rounding(self, time: float) -> float:
+        """Estimated error of the reference by rounding up to a time [s], in parts of scales."""
+        return float(self._stretching.rounding[self._stretching.before(time)])
+
+    @property
     def stretching(self) -> float:
         """Growth of errors of the motion up to there, by parameters."""
         return float(self._stretching.parameters[self._stretching.before(self.judged_to)])

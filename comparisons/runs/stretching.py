@@ -90,6 +90,11 @@ class Stretching:
         growth = self.largest / self.allowed * LIMIT
         return predictable_until(self.t, np.where(self.rounding <= _KNOWN, growth, np.inf))
 
+    @property
+    def known_until(self) -> float:
+        """Last time [s] up to which the reference itself is known, at most the end."""
+        return predictable_until(self.t, np.where(self.rounding <= _KNOWN, 0.0, np.inf))
+
     def before(self, time: float) -> int:
         """Index of the last of the times that is not later [s]."""
         return max(0, int(np.searchsorted(self.t, time, side="right")) - 1)

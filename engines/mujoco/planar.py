@@ -148,6 +148,11 @@ class PlanarModel:
         return "mujoco"
 
     @property
+    def engine_version(self) -> str:
+        """Version of the engine here."""
+        return str(mujoco.__version__)
+
+    @property
     def options(self) -> ModelOptions:
         """Options that the file gives."""
         integrator = mujoco.mjtIntegrator(int(self.given.opt.integrator))
@@ -161,16 +166,19 @@ class PlanarModel:
         return _INTEGRATORS
 
     @property
+    def variants(self) -> tuple[ModelOptions, ...]:
+        """The file's own with explicit damping, where Euler's rule treats it implicitly."""
+        given, flag = self.options, mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+        is_implicit = given.integrator == _EULER and not self.given.opt.disableflags & flag
+        if is_implicit and np.any(self.given.dof_damping):
+            return (replace(given, explicit_damping=True),)
+        return ()
+
+    @property
     def causes(self) -> tuple[ModelCause, ...]:
-        """Implicit damping, the integrator, the step, and the softness of limits and equalities."""
+        """The integrator, the step, and the softness of limits and equalities."""
         model, given = self.given, self.options
-        flags = int(model.opt.disableflags)
-        is_implicit = not flags & mujoco.mjtDisableBit.mjDSBL_EULERDAMP
         causes = list[ModelCause]()
-        if given.integrator == _EULER and is_implicit and np.any(model.dof_damping):
-            change = 'the flag eulerdamp="disable"'
-            without = partial(replace, explicit_damping=True)
-            causes.append(ModelCause("implicit damping of joints", change, without))
         if given.integrator != _MOST_ACCURATE:
             change = f"{_MOST_ACCURATE} in place of {given.integrator}"
             without = partial(replace, integrator=_MOST_ACCURATE)
@@ -185,9 +193,11 @@ class PlanarModel:
         return tuple(causes)
 
     def option_text(self, options: ModelOptions) -> str:
-        """The element of MJCF with an integrator and its step."""
-        step = number(options.timestep)
-        return f'<option integrator="{options.integrator}" timestep="{step}"/>'
+        """The element of MJCF with these options."""
+        text = f'<option integrator="{options.integrator}" timestep="{number(options.timestep)}"'
+        if options.explicit_damping:
+            return f'{text}><flag eulerdamp="disable"/></option>'
+        return f"{text}/>"
 
     def energies(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """MuJoCo's own kinetic and potential energies at states, each of shape (n,) [J]."""
@@ -839,7 +849,11 @@ class _Reader:
             self.stops.append(PointStop(**stop, offset=offset))
 
     def _limits(self, joint: int) -> Iterator[tuple[int, float]]:
-        """Side (1 of the lower end) and position of each limit."""
+        """Side (1 of the lower end) and position of each limit.
+
+        A limit's reference acceleration -k (distance - margin) vanishes at its margin: it holds the
+        joint there (https://mujoco.readthedocs.io/en/stable/computation.html#reference).
+        """
         if not self.model.jnt_limited[joint] or not self._is_on("LIMIT"):
             return
         if "limits" in self.without:
@@ -847,8 +861,9 @@ class _Reader:
             self.left_out.append(f"limits of {self._mujoco_name('joint', joint)!r}")
             return
         low, high = map(float, self.model.jnt_range[joint])
-        yield 1, low
-        yield -1, high
+        margin = float(self.model.jnt_margin[joint])
+        yield 1, low + margin
+        yield -1, high - margin
 
     def _closed(self, joint: str, gap: float) -> bool:
         if gap < -1e-12:

@@ -17,8 +17,9 @@ except ImportError as error:
         f"environments need Gymnasium, which 'pip install trebucheck[gym]' brings: {error}"
     ) from error
 
+from .classic_control import Classic, classic_control
 from .throw import HOLD, RELEASE, ThrowEnv
 
-__all__ = ["HOLD", "RELEASE", "ThrowEnv"]
+__all__ = ["HOLD", "RELEASE", "Classic", "ThrowEnv", "classic_control"]
 
 gymnasium.register("trebucheck/Throw-v0", entry_point=f"{__name__}:ThrowEnv")

@@ -202,6 +202,24 @@ def test_a_mass_that_changes_no_acceleration_is_refused(factor: float) -> None:
         largest_difference(dataclasses.replace(read, mechanism=heavier))
 
 
+@pytest.mark.parametrize("margin", [0.0, 0.05])
+def test_a_limit_holds_a_joint_at_its_margin(margin: float) -> None:
+    """A mass that is pushed onto a limit comes to rest where MuJoCo's comes to rest."""
+    text = (
+        '<mujoco><option integrator="RK4" timestep="1e-3" gravity="3 0 0"/><worldbody><body>'
+        f'<joint name="s" type="slide" axis="1 0 0" range="-1 0.4" limited="true" margin="{margin}"'
+        ' solimplimit="0.9999 0.9999 0.001 0.5 2"/>'
+        '<geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    )
+    model = MODEL.MjModel.from_xml_string(text)
+    data = MODEL.MjData(model)
+    MODEL.mj_step(model, data, nstep=3000)
+    read = tb.from_mjcf(text)
+    rests = solve(tb.Problem(read, duration=3.0, stop_law="unilateral")).motion(np.array([3.0]))
+    # The impedance lets through 1e-4 of the push: 3e-4 m/s^2 at a time constant of 0.02 s
+    assert float(rests.q[0, 0]) == pytest.approx(float(data.qpos[0]), abs=1e-6)
+
+
 def test_a_loop_that_closes_elsewhere_is_refused() -> None:
     read: Any = read_model_file(CART, ModelStart(keyframe="leaning"))
     (rod,) = read.mechanism.loop_joints

@@ -38,16 +38,24 @@ def _facts(found: Audit) -> doc.Block:
     compared = f"{found.compared_to:.4g} s"
     if found.ended:
         compared += f" of {found.asked:.4g} s: {found.ended}"
-    same = f"to {found.difference:.1g} of its mass matrix, accelerations, gaps and sites"
+    same = f"to {found.difference:.1g} of its accelerations and what else it tells"
     rows = (
         ("file", Path(found.source).name),
         ("mechanism", found.mechanism.headline()),
         (f"the same as in {found.engine} {found.engine_version}", f"{same}, at random states"),
         ("compared to", compared),
+        ("predictability horizon", _horizon(found)),
+        ("the reference is known to", f"{found.known_to:.1g} of its scales, by rounding"),
         ("points", points),
         ("size of the motion", f"{found.size:.4g} m"),
     )
     return doc.table(("what was read", ""), rows)
+
+
+def _horizon(found: Audit) -> str:
+    if found.horizon is None:
+        return "not within that"
+    return f"{found.horizon:.4g} s: errors of a hundred-thousandth become a thousandth"
 
 
 def _scene(found: Audit) -> Scene:
@@ -89,11 +97,12 @@ def _runs(found: Audit) -> doc.Block:
 
 
 def _row(run: AuditedRun) -> tuple[object, ...]:
+    step = f"{run.timestep:g}"
     if run.error is None:
-        return run.integrator, f"{run.timestep:g}", "–", "–", "–", run.message or ""
+        return run.integrator, step, "–", "–", "–", run.message or ""
+    mark = "as given" if run.is_given else "explicit damping" if run.explicit_damping else ""
     time = f"{run.processor_time:.2g}"
-    mark = "as given" if run.is_given else ""
-    return run.integrator, f"{run.timestep:g}", f"{run.error:.2g}", _leaves(run), time, mark
+    return run.integrator, step, f"{run.error:.2g}", _leaves(run), time, mark
 
 
 def _leaves(run: AuditedRun | EngineRun) -> str:
@@ -121,7 +130,7 @@ def _advice(found: Audit) -> doc.Block:
     title = f"The cheapest of these that hold {found.accuracy:.2g} m"
     if found.is_longest:
         title += "; no longer step was tried"
-    return doc.Code(title, found.cheapest)
+    return doc.Code(title, found.cheapest_option)
 
 
 def _figures(found: Audit) -> Iterator[doc.Block]:
