@@ -100,13 +100,13 @@ class CauseShare(Spec):
     name: str
     change: str = Field(description="of the options, with those of the causes before it")
     left: Real | None = Field(
-        default=None, description="error without this cause and those before it [m]"
+        default=None,
+        description="error without this cause and those before it that have a share [m]",
     )
     share: Real | None = Field(
-        default=None,
-        description="of the error as given, that goes with it; negative: it hid another cause",
+        default=None, description="of the error as given, that goes with it; None: it stays in"
     )
-    message: str | None = Field(default=None, description="why there is no motion without it")
+    message: str | None = Field(default=None, description="why it stays in")
 
 
 class EngineRun(Spec):
@@ -471,22 +471,29 @@ class _Audited:
         )
 
     def _causes(self, end: float) -> Iterator[CauseShare]:
-        """Errors up to a time with one cause after another taken out."""
+        """Errors up to a time with one cause after another taken out.
+
+        What makes the error larger stays in: an integrator of a higher order can be unstable at a
+        step that a file has for its own.
+        """
         if not isinstance(self.given, GivenRun):
             return
         options, whole = self.read.options, self._largest(self.given, end)
         before = whole
         for cause in self.read.causes:
-            options = cause.without(options)
             self._tell(f"without {cause.name}", 0, 1)
-            moved = self._moved(options)
+            changed = cause.without(options)
+            moved = self._moved(changed)
+            head: dict[str, Any] = {"name": cause.name, "change": cause.change}
             if isinstance(moved, str):
-                yield CauseShare(name=cause.name, change=cause.change, message=moved)
+                yield CauseShare(**head, message=moved)
                 continue
             left = self._largest(moved, end)
-            share = (before - left) / whole if whole else None
-            yield CauseShare(name=cause.name, change=cause.change, left=left, share=share)
-            before = left
+            if left > before or not whole:
+                yield CauseShare(**head, left=left, message="the error is no smaller: left in")
+                continue
+            yield CauseShare(**head, left=left, share=(before - left) / whole)
+            options, before = changed, left
 
     def _by_engine(self, name: str, end: float, size: float) -> EngineRun:
         """The mechanism's motion by another engine."""

@@ -38,7 +38,7 @@ ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
     # Files that people have are read and audited; three elements, extrema of proofs
-    "lines": 72450,
+    "lines": 72500,
     "modules": 280,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.
     # Each of the prover's is one formula; what ends with its parent is for plug-ins, too

@@ -40,6 +40,7 @@ TIMES = (1.0, 5.0, 10.0)  # [s]
 TURNED, RAISED = 0.1, 5.0  # [rad], [m] from the position of the file
 INSIDE = 0.4  # of the range of a limited joint
 _UPWARD = 0.5  # part of a slide's axis
+HALF = 0.5  # least share of a cause that is named
 PART = 0.1  # of the range of a control
 FORMAT = "trebucheck-known-models-1"
 
@@ -194,7 +195,8 @@ def page(found: KnownModels, text: str) -> str:
     others = [each for each in found.models if each.outcome != "audited"]
     heads = (
         "model", "integrator, step", "compared to", "horizon",
-        *(f"after {time:g} s" for time in TIMES), "leaves 1 % at", "largest cause", f"holds {ACCURACY:g} m", "time of that",
+        *(f"after {time:g} s" for time in TIMES), "leaves 1 % at", "largest cause",
+        f"holds {ACCURACY:g} m", "time of that",
     )  # fmt: skip
     tables: list[Table] = []
     for suite in dict.fromkeys(each.suite for each in audited):
@@ -226,7 +228,9 @@ def _row(model: KnownModel) -> tuple[str, ...]:
     compared = f"{_number(model.compared_to)} s"
     if model.ended:
         compared += ": touches" if "touch" in model.ended else ": not known"
-    cause = f"{largest.name}, {100 * (largest.share or 0.0):.0f} %" if largest else "–"
+    cause = "none above a half"
+    if largest is not None and (largest.share or 0.0) >= HALF:
+        cause = f"{largest.name}, {100 * (largest.share or 0.0):.0f} %"
     off = [f"{_number(each)} m" if each is not None else "–" for each in model.errors]
     leaves = "never" if model.leaves is None else f"{_number(model.leaves)} s"
     cost = "–" if model.cost is None else f"{1e3 * model.cost:.2g} ms/s"

@@ -110,6 +110,19 @@ def test_causes_are_taken_out_one_after_another() -> None:
     assert integrator.left == pytest.approx(run_of(found, "RK4", STEP).error, rel=1e-6)
 
 
+def test_a_cause_whose_removal_makes_the_error_larger_stays_in() -> None:
+    """Strong damping: Euler's implicit rule bears this step, RK4 does not (5 > 2.8)."""
+    text = oscillator().replace("/><site", ' damping="500"/><site')
+    found = audited(text, 0.2, qpos=[0.5])
+    integrator, step = found.causes
+    assert integrator.share is None
+    assert found.given.error is not None
+    assert integrator.left is None or integrator.left > found.given.error
+    # The step is taken out of Euler's rule, which a shorter one makes more accurate.
+    assert step.share is not None
+    assert 0.0 < step.share <= 1.0
+
+
 def test_explicit_damping_is_tried_and_its_option_said() -> None:
     """MuJoCo's Euler without `eulerdamp`: the damper's force is that of the old speed."""
     text = oscillator().replace("/><site", ' damping="0.5"/><site')

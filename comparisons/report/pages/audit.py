@@ -72,18 +72,17 @@ def _causes(found: Audit) -> Iterator[doc.Block]:
         return
     yield doc.Heading(f"Why: causes of the error up to {found.causes_to:.3g} s")
     caption = (
-        "Each line takes one more cause out, by a run with the change and those above it; a "
-        "negative share hid another cause."
+        "Each line takes one more cause out, by a run with the change and those above it that have "
+        "a share."
     )
     heads = ("cause", "taken out by", "left [m]", "share")
     yield doc.table(heads, [_cause(each) for each in found.causes], caption)
 
 
 def _cause(cause: CauseShare) -> tuple[object, ...]:
-    if cause.left is None:
-        return cause.name, cause.change, "–", cause.message or ""
-    share = "–" if cause.share is None else f"{100 * cause.share:.1f} %"
-    return cause.name, cause.change, f"{cause.left:.2g}", share
+    left = "–" if cause.left is None else f"{cause.left:.2g}"
+    share = f"{100 * cause.share:.1f} %" if cause.share is not None else cause.message or ""
+    return cause.name, cause.change, left, share
 
 
 def _runs(found: Audit) -> doc.Block:
