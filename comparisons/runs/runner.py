@@ -395,8 +395,12 @@ class Runner:
         return self._stretching.known_until
 
     def rounding(self, time: float) -> float:
-        """Estimated error of the reference by rounding up to a time [s], in parts of scales."""
-        return float(self._stretching.rounding[self._stretching.before(time)])
+        """Estimated error of the reference by rounding up to a time [s], in parts of scales.
+
+        At most 1, which is nothing known: it is infinite where a changed mechanism cannot be moved.
+        """
+        growth = self._stretching
+        return min(1.0, float(growth.rounding[growth.before(time)]))
 
     @property
     def stretching(self) -> float:
