@@ -7,7 +7,8 @@
 # make plugins  the engines of others: an environment each, their tests, plugins/results/*.json
 # make results  the built-in engines on all problems: docs/results/*.json (an hour or two; it resumes)
 # make importers  what reads MJCF: an environment each, importers/*/results.json (half an hour)
-# make known-models  the planar models of dm_control and Gymnasium, audited: docs/known-models.* (a quarter of an hour)
+# make known-models  the planar models of dm_control and Gymnasium, audited: docs/known-models.* (five minutes);
+#               KNOWN_MODELS="--dm-control FOLDER --version TEXT" where dm_control cannot be installed
 # make mujoco3  the MuJoCo adapter and the files on the least MuJoCo that is supported
 # make docs     the documentation as a site, in site/
 PYTHON ?= python3
@@ -73,7 +74,7 @@ generated: $(VENV)/satellites
 	$(BIN)/python paper/generate.py
 
 known-models: $(VENV)/satellites
-	$(PIP) --constraint constraints.txt "gymnasium" "dm_control" || $(PIP) --constraint constraints.txt "gymnasium"
+	-$(PIP) --no-deps "$$(grep dm_control== importers/dm_control/requirements.txt)"  # its files alone
 	$(BIN)/python -m trebucheck_environments.known_models docs $(KNOWN_MODELS)
 
 docs: $(VENV)/installed

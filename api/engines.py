@@ -6,12 +6,12 @@
 from __future__ import annotations
 
 from ..engines.child_process import ending_with_parent
+from ..engines.events import whole_steps
 from ..engines.presets import ASSISTED
 from ..engines.protocol import Engine
 from ..engines.reference.engine import ReferenceEngine
 from ..engines.registry import engine, engine_class, engine_names
 from ..engines.study import (
-    REFINEMENT,
     GivenRun,
     ModelCause,
     ModelFile,

@@ -168,7 +168,12 @@ class Audit(Reported, ResultFile):
         default=None, description="the run that holds the accuracy at the least cost"
     )
     cheapest_option: str = Field(default="", description="its options, to paste into the file")
-    is_longest: bool = Field(default=False, description="whether no longer step was tried than it")
+
+    @property
+    def is_longest(self) -> bool:
+        """Whether no longer step was tried than that of the cheapest run."""
+        tried = max(run.timestep for run in self.runs)
+        return self.cheapest is not None and self.cheapest.timestep == tried
 
     @property
     def given(self) -> AuditedRun:
@@ -397,8 +402,6 @@ class _Audited:
             engines=tuple(self._by_engine(each, end, size) for each in others),
             cheapest=cheapest,
             cheapest_option=self.read.option_text(_options(cheapest)) if cheapest else "",
-            is_longest=cheapest is not None
-            and cheapest.timestep == max(run.timestep for run in runs),
         )
 
     def _moved(self, options: ModelOptions) -> GivenRun | str:

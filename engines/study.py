@@ -8,7 +8,8 @@ reading them runs no engine.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -360,6 +361,19 @@ class ModelCause:
     change: str
     """What is changed, in a few words."""
     without: Callable[[ModelOptions], ModelOptions]
+
+    @classmethod
+    def of_integrator(cls, given: ModelOptions, other: str) -> ModelCause:
+        """The integrator, with another one in its place."""
+        change = f"{other} in place of {given.integrator}"
+        return cls("integrator", change, partial(replace, integrator=other))
+
+    @classmethod
+    def of_step(cls, given: ModelOptions) -> ModelCause:
+        """The time step, with a :data:`REFINEMENT`th of it in its place."""
+        step = given.timestep / REFINEMENT
+        change = f"a step of {step:g} s in place of {given.timestep:g} s"
+        return cls("time step", change, partial(replace, timestep=step))
 
 
 class ReadsModel(Protocol):

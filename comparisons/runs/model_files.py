@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ...engines.study import ModelFile, ModelStart
 from ...models.arrays import FloatArray
 from ...models.errors import EngineNotInstalledError, SimulationError
 from ...models.library.registry import is_file, read_file, read_files_by
 from ...models.mechanism import Mechanism
 
-if TYPE_CHECKING:
-    from ...engines.study import ModelFile, ModelStart
-
-__all__ = ["SUFFIXES", "from_mjcf", "is_file", "read_file", "read_model_file"]
+__all__ = [
+    "SUFFIXES",
+    "from_mjcf",
+    "is_file",
+    "largest_difference",
+    "read_file",
+    "read_model_file",
+]
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 """Endings of the names of files that are read here."""
+_OWN_START = ModelStart()
 _STATES = 16  # at which a reading is held against the engine
 _SAME = 1e-9  # by which values may differ, in parts of the largest
 _SMALL = 1e-3  # of the largest acceleration: of smaller ones rounding is that of this
@@ -56,31 +62,28 @@ def from_mjcf(
             mechanisms have not; the sentence names it.
         EngineNotInstalledError: the engine that compiles such files is not installed.
     """
-    from ...engines.study import ModelStart
-
     return read_model_file(source, ModelStart(keyframe, qpos, qvel, ctrl, without)).mechanism
 
 
-def read_model_file(source: str | Path | Any, start: ModelStart | None = None) -> ModelFile:
+def read_model_file(source: str | Path | Any, start: ModelStart = _OWN_START) -> ModelFile:
     """Read a mechanism together with how its coordinates follow from the file's; see `from_mjcf`.
 
     Args:
         source: as of :func:`from_mjcf`.
-        start: the file's own, with nothing left out but contacts, where none is given.
+        start: the file's own, with nothing left out but contacts, if left out.
 
     Raises:
         EngineNotInstalledError: no engine here compiles such files.
     """
     # Engines are looked for when a file is read: to name a machine needs none.
     from ...engines.registry import engine_names, engine_study
-    from ...engines.study import ModelStart
 
     studies = map(engine_study, engine_names())
     reader = next((each.read_model for each in studies if each.read_model is not None), None)
     if reader is None:
         raise EngineNotInstalledError("no engine here reads model files.")
     try:
-        read = reader(source, start or ModelStart())
+        read = reader(source, start)
     except ImportError as error:
         raise EngineNotInstalledError(f"a model file cannot be read: {error}.") from None
     largest_difference(read)

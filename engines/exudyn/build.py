@@ -12,13 +12,13 @@ mechanism's angles have the opposite sign. Recorded quantities are the outputs o
 from __future__ import annotations
 
 import cmath
-import importlib
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from exudyn import itemInterface
 
 from ...models import elements
 from ...models.arrays import FloatArray
@@ -44,8 +44,7 @@ from .read import (
 )
 from .solver import DEPENDENT, LoopConstraints
 
-# By name: the library has no types, and a plain import would need a mark at each use.
-items: Any = importlib.import_module("exudyn.itemInterface")
+items: Any = itemInterface  # it has no types
 
 _AWAY = 0.1  # [rad, m] of positions beside the start, which may itself be singular
 _WELL_HELD = 1e-3  # of the largest singular value: the least one of the conditions that are left

@@ -7,11 +7,11 @@ and forces of stops follow from their connectors (:class:`AngleLimit`, :class:`L
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeVar
 
+import exudyn
 import numpy as np
 
 from ...models import elements
@@ -25,8 +25,7 @@ from ..events import ContactEvents, Contacts
 from ..protocol import Recording
 from ..reading import timed_reading
 
-# By name: the library has no types, and a plain import would need a mark at each use.
-exu: Any = importlib.import_module("exudyn")
+exu: Any = exudyn  # it has no types
 
 _V = TypeVar("_V", float, FloatArray)
 SensorKey = tuple[str, str, str]

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
 import threading
 from functools import cache
 from typing import Any
 
+import mujoco as untyped
 import numpy as np
 
 from ...models.arrays import FloatArray
 
-mujoco: Any = importlib.import_module("mujoco")  # it carries no types
+mujoco: Any = untyped  # it has no types
 CALLBACK = threading.RLock()
 """MuJoCo has one callback for all models and threads of a process; its compiler calls it, too."""
 

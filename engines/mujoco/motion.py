@@ -8,12 +8,12 @@ change the speeds, and those at rest afterwards are put back, preloaded.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
+from mujoco import rollout as untyped
 
 from ...models.arrays import FloatArray
 from ...models.errors import SimulationError
@@ -39,8 +39,7 @@ from .compat import CALLBACK, mass_matrix, mujoco
 from .options import MujocoOptions
 from .read import Samples, absolute_from_relative, recording
 
-# By name: the module has no types, and a plain import would need a mark at each use.
-rollout: Any = importlib.import_module("mujoco.rollout").rollout
+rollout: Any = untyped.rollout  # it has no types
 """MuJoCo's own loop over steps."""
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _HALVINGS = 45  # of the step in which a release is: to 3e-14 of it

@@ -43,7 +43,8 @@ from ...models.errors import InputError, SimulationError, UnsupportedProblemErro
 from ...models.mechanism import Body, Marker, Mechanism
 from ...models.mjcf.tree import number
 from ...models.spec import Vector
-from ..study import REFINEMENT, GivenRun, ModelCause, ModelOptions, ModelStates
+from ..events import whole_steps
+from ..study import GivenRun, ModelCause, ModelOptions, ModelStates
 from .compat import mass_matrix, mujoco
 from .motion import raised_warnings
 
@@ -180,12 +181,8 @@ class PlanarModel:
         model, given = self.given, self.options
         causes = list[ModelCause]()
         if given.integrator != _MOST_ACCURATE:
-            change = f"{_MOST_ACCURATE} in place of {given.integrator}"
-            without = partial(replace, integrator=_MOST_ACCURATE)
-            causes.append(ModelCause("integrator", change, without))
-        step = given.timestep / REFINEMENT
-        change = f"a step of {step:g} s in place of {given.timestep:g} s"
-        causes.append(ModelCause("time step", change, partial(replace, timestep=step)))
+            causes.append(ModelCause.of_integrator(given, _MOST_ACCURATE))
+        causes.append(ModelCause.of_step(given))
         if np.any(model.jnt_limited) or np.any(model.eq_active0):
             change = "a time constant of two steps, and an impedance of 0.9999"
             without = partial(replace, stiff=True)
@@ -219,7 +216,7 @@ class PlanarModel:
             SimulationError: MuJoCo warned, or its state is not finite any more.
         """
         model, timestep = self._with(options), options.timestep
-        steps = max(1, math.ceil(duration / timestep - 1e-9))
+        steps = whole_steps(duration, timestep)
         qpos, qvel = (np.empty((steps + 1, n)) for n in (model.nq, model.nv))
         contact = None
         with raised_warnings():
@@ -342,7 +339,7 @@ def planar_model(
         qpos: of the start, shape (nq,); `qpos0` if left out.
         qvel: of the start, shape (nv,); at rest if left out.
         ctrl: constant controls, shape (nu,); zeros if left out.
-        without: what to leave out, keys of :data:`LEAVABLE`; contacts always are.
+        without: what to leave out, of :data:`LEAVABLE`; contacts always are.
 
     Raises:
         InputError: a start is of the wrong length or not finite, or starts beyond a limit.

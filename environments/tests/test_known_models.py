@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.metadata
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -19,7 +19,7 @@ from trebucheck_environments.known_models import KnownModel, KnownModels
 DOCS = Path(__file__).parents[2] / "docs"
 FOUND = KnownModels.load(DOCS / known_models.DATA)
 ASSETS = Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets"
-MUJOCO: Any = importlib.import_module("mujoco")  # it carries no types
+MUJOCO: Any = mujoco  # it has no types
 
 
 def known(suite: str, model: str) -> KnownModel:

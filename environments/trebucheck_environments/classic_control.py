@@ -12,19 +12,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property
 from time import process_time
 from typing import Any
 
 import gymnasium
 import numpy as np
 from trebucheck.api.engines import (
-    REFINEMENT,
     GivenRun,
     ModelCause,
     ModelOptions,
     ModelStates,
+    whole_steps,
 )
 from trebucheck.api.mechanics import (
     GROUND,
@@ -53,18 +53,26 @@ class _Task:
     rows: tuple[tuple[float, ...], ...]
     """C in q = C positions and u = C velocities."""
     positions: tuple[int, ...]
-    """Their places in the state, in the order of the rows' columns; velocities follow each."""
+    """Their places in the state, in the order of the rows' columns."""
     velocities: tuple[int, ...]
+    """The same of the velocities."""
     action: Callable[[Any, float], Any]
     """From the environment and the control [N or N m].
 
     Raises ValueError where no action has it.
     """
-    accelerations: Callable[[Any, FloatArray, Any], FloatArray]
-    """The environment's own, of its velocities, at a state with an action."""
+    rates: Callable[[Any, FloatArray, Any, float], FloatArray]
+    """The environment's own rate of change of a state, with an action and a step [s].
+
+    Only that of the velocities is read.
+    """
     step: str
     """Attribute of the environment that is its step [s]."""
     integrators: tuple[str, ...]
+    control: float = 0.0
+    """Force or torque where none is given [N or N m]."""
+    wraps: bool = False
+    """Whether angles are wrapped to half a turn either way."""
     limits: Callable[[Any], str] = lambda _: ""
     """What the environment does beside the mechanics, in a few words."""
 
@@ -152,39 +160,55 @@ def _clipped(env: Any, torque: float) -> FloatArray:
     return np.array([torque])
 
 
-def _by_a_step(env: Any, state: FloatArray, action: Any, velocities: Sequence[int]) -> FloatArray:
-    """Accelerations of an environment whose rule adds them to the velocities, times the step."""
-    at = list(velocities)
+def _by_a_step(env: Any, state: FloatArray, action: Any, step: float) -> FloatArray:
+    """Rates of an environment whose rule adds accelerations, times the step, to the velocities."""
     env.state = np.array(state)
     env.step(action)
-    return (np.array(env.state)[at] - state[at]) / float(_step_of(env))
+    return (np.array(env.state) - state) / step
 
 
-def _step_of(env: Any) -> float:
-    return float(env.tau if hasattr(env, "tau") else env.dt)
-
-
-def _by_its_equations(env: Any, state: FloatArray, action: Any) -> FloatArray:
+def _by_its_equations(env: Any, state: FloatArray, action: Any, _: float) -> FloatArray:
     # The public method integrates; its right-hand side is what is to be held.
     torque = float(env.AVAIL_TORQUE[action])
-    return np.array(env._dsdt(np.append(state, torque))[2:4])
+    return np.array(env._dsdt(np.append(state, torque))[:-1])
 
 
 _TASKS: Mapping[str, _Task] = {
     "CartPole-v1": _Task(
-        _cart_pole, ((0.0, 1.0), (1.0, 0.0)), (0, 2), (1, 3), _push_or_pull,
-        partial(_by_a_step, velocities=(1, 3)), "tau", ("euler", "semi-implicit euler"),
+        mechanism=_cart_pole,
+        rows=((0.0, 1.0), (1.0, 0.0)),
+        positions=(0, 2),
+        velocities=(1, 3),
+        action=_push_or_pull,
+        rates=_by_a_step,
+        step="tau",
+        integrators=("euler", "semi-implicit euler"),
+        control=10.0,
     ),
     "Acrobot-v1": _Task(
-        _acrobot, ((-1.0, 0.0), (-1.0, -1.0)), (0, 1), (2, 3), _one_of_three, _by_its_equations,
-        "dt", ("RK4",),
-        lambda env: f"speeds beyond {env.MAX_VEL_1:.3g} and {env.MAX_VEL_2:.3g} rad/s are cut",
+        mechanism=_acrobot,
+        rows=((-1.0, 0.0), (-1.0, -1.0)),
+        positions=(0, 1),
+        velocities=(2, 3),
+        action=_one_of_three,
+        rates=_by_its_equations,
+        step="dt",
+        integrators=("RK4",),
+        wraps=True,
+        limits=lambda e: f"speeds beyond {e.MAX_VEL_1:.3g} and {e.MAX_VEL_2:.3g} rad/s are cut",
     ),
     "Pendulum-v1": _Task(
-        _pendulum, ((-1.0,),), (0,), (1,), _clipped, partial(_by_a_step, velocities=(1,)), "dt",
-        ("semi-implicit euler",), lambda env: f"speeds beyond {env.max_speed:g} rad/s are cut",
+        mechanism=_pendulum,
+        rows=((-1.0,),),
+        positions=(0,),
+        velocities=(1,),
+        action=_clipped,
+        rates=_by_a_step,
+        step="dt",
+        integrators=("semi-implicit euler",),
+        limits=lambda e: f"speeds beyond {e.max_speed:g} rad/s are cut",
     ),
-}  # fmt: skip
+}
 
 
 def classic_control(name: str, state: Sequence[float], control: float | None = None) -> Classic:
@@ -206,7 +230,7 @@ def classic_control(name: str, state: Sequence[float], control: float | None = N
     wanted = 2 * len(_TASKS[name].positions)
     if given.shape != (wanted,) or not np.isfinite(given).all():
         raise InputError(f"state = {list(state)!r} must be {wanted} finite numbers for {name}.")
-    force = control if control is not None else (10.0 if name == "CartPole-v1" else 0.0)
+    force = _TASKS[name].control if control is None else control
     if not math.isfinite(force):
         raise InputError(f"control = {force!r} must be finite.")
     model = Classic(name, given, float(force))
@@ -235,12 +259,12 @@ class Classic:
 
     @property
     def engine_version(self) -> str:
-        """Gymnasium's."""
+        """Version of Gymnasium here."""
         return str(gymnasium.__version__)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the environment does beside the mechanics."""
+        """Limits of the environment that the mechanism has not."""
         text = self._task.limits(self._made())
         return (text,) if text else ()
 
@@ -252,29 +276,24 @@ class Classic:
     @property
     def options(self) -> ModelOptions:
         """Integrator and step as the environment is made."""
-        return ModelOptions(self.integrators[0], _step_of(self._made()))
+        return ModelOptions(self.integrators[0], float(getattr(self._made(), self._task.step)))
 
     @property
     def integrators(self) -> tuple[str, ...]:
-        """Those that the environment has."""
+        """Integrators of the environment, its own first."""
         return self._task.integrators
 
     @property
     def variants(self) -> tuple[ModelOptions, ...]:
-        """None beside integrators and steps."""
+        """Options beside integrators and steps: there are none."""
         return ()
 
     @property
     def causes(self) -> tuple[ModelCause, ...]:
         """The integrator, where there is a second one, and the step."""
-        given, causes = self.options, list[ModelCause]()
-        for integrator in self.integrators[1:]:
-            change = f"{integrator} in place of {given.integrator}"
-            causes.append(ModelCause("integrator", change, partial(replace, integrator=integrator)))
-        step = given.timestep / REFINEMENT
-        change = f"a step of {step:g} s in place of {given.timestep:g} s"
-        causes.append(ModelCause("time step", change, partial(replace, timestep=step)))
-        return tuple(causes)
+        given = self.options
+        others = (ModelCause.of_integrator(given, other) for other in self.integrators[1:])
+        return *others, ModelCause.of_step(given)
 
     def option_text(self, options: ModelOptions) -> str:
         """The lines that set an environment's step and integrator."""
@@ -285,14 +304,14 @@ class Classic:
 
     def random_states(self, number: int) -> ModelStates:
         """The environment's own accelerations at random states."""
-        random, env = np.random.default_rng(7), self._made()
+        random, env, step = np.random.default_rng(7), self._made(), self.options.timestep
         n = len(self._task.positions)
         states = np.empty((number, 2 * n))
         states[:, self._task.positions] = random.uniform(-_FARTHEST, _FARTHEST, (number, n))
         states[:, self._task.velocities] = random.uniform(-_FASTEST, _FASTEST, (number, n))
-        found = [self._task.accelerations(env, state, self.action) for state in states]
+        rates = np.array([self._task.rates(env, state, self.action, step) for state in states])
         q, u = self._coordinates(states)
-        a = np.array(found) @ self._rows.T
+        _, a = self._coordinates(rates)
         return ModelStates(q=q, u=u, a=a, mass=None, gaps={}, markers={}, loops={})
 
     def energies(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -311,7 +330,7 @@ class Classic:
         setattr(env, self._task.step, options.timestep)
         if len(self.integrators) > 1:
             env.kinematics_integrator = options.integrator
-        steps = max(1, math.ceil(duration / options.timestep - 1e-9))
+        steps = whole_steps(duration, options.timestep)
         states = np.empty((steps + 1, len(self._state)))
         states[0] = self._state
         began = process_time()
@@ -321,9 +340,8 @@ class Classic:
         spent = process_time() - began
         if not np.isfinite(states).all():
             raise SimulationError(f"{self._name} diverges at a step of {options.timestep:g} s.")
-        # Angles are wrapped to half a turn either way there.
-        at = list(self._task.positions)
-        if self._name != "CartPole-v1":
+        if self._task.wraps:
+            at = list(self._task.positions)
             states[:, at] = np.unwrap(states[:, at], axis=0)
         t = options.timestep * np.arange(steps + 1, dtype=np.float64)
         return GivenRun(t, *self._coordinates(states), None, spent)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import importlib
 import importlib.metadata
 import importlib.util
 import sys
@@ -18,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import mujoco
 import numpy as np
 from pydantic import Field
 from trebucheck.api.mechanics import (
@@ -33,7 +33,7 @@ from trebucheck.api.studies import Audit, ResultFile, audit
 
 from .classic_control import classic_control
 
-MUJOCO: Any = importlib.import_module("mujoco")  # it carries no types
+MUJOCO: Any = mujoco  # it has no types
 DATA, PAGE = "known-models.json", "known-models.md"
 UNTIL, ACCURACY = 10.0, 1e-3  # [s], [m]
 TIMES = (1.0, 5.0, 10.0)  # [s]
@@ -91,7 +91,7 @@ class KnownModel(Spec):
 
 
 class KnownModels(ResultFile):
-    """All models of a run of the suites."""
+    """Results of all models of the suites."""
 
     format: Literal["trebucheck-known-models-1"] = FORMAT
     until: Real = UNTIL
@@ -164,7 +164,7 @@ def audited_environment(name: str, state: list[float], control: float) -> KnownM
 
 
 def facts(found: Audit) -> dict[str, Any]:
-    """What is kept of an audit."""
+    """Fields of a :class:`KnownModel` that an audit fills."""
     by_time = {each.t: each.error for each in found.errors}
     cost = found.cheapest and found.cheapest.processor_time
     return {
