@@ -17,8 +17,11 @@ A stop or a loop joint constrains a scalar function: an angle, or a component of
 
 from __future__ import annotations
 
+from cmath import exp
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import mul
 
 import numpy as np
 
@@ -62,6 +65,10 @@ class Phasors:
         """Rate of each coordinate at q = 0, and the factor of q in its exponent."""
         exponent = np.asarray(-1j * self.is_angle, dtype=np.complex128)
         return np.where(self.is_angle > 0, -1j, 1.0 + 0j), exponent
+
+    @cached_property
+    def _turns(self) -> list[bool]:
+        return (self.is_angle > 0).tolist()
 
     def rates(self, q: FloatArray) -> ComplexArray:
         """dw_k/dq_k, shape like q.
@@ -107,6 +114,20 @@ class Phasors:
         for k, c in self.carried:
             flow[..., k] -= 1j * q[..., k] * rates[..., k] * u[..., c]
         return flow
+
+    def rate_alone(
+        self, coefficients: Sequence[complex], q: Sequence[float], u: Sequence[float]
+    ) -> complex:
+        """Rate of one point in one state [m/s]: :meth:`rate` in a tenth of the time of arrays."""
+        rates = [
+            -1j * exp(-1j * angle) if turns else 1.0
+            for angle, turns in zip(q, self._turns, strict=False)
+        ]
+        flow = [rate * speed for rate, speed in zip(rates, u, strict=True)]
+        for k, c in self.carried:
+            rate = 1j * rates[c]
+            flow[k] = rate * u[k] - 1j * q[k] * rate * u[c]
+        return sum(map(mul, flow, coefficients), 0j)
 
     def second_flow(self, q: FloatArray, u: FloatArray, a: FloatArray) -> ComplexArray:
         """d2w/dt2 for speeds u and accelerations a, shape like q."""

@@ -48,7 +48,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy  # its parts are loaded when they are first used: a batch of launches uses none
 
 from ..models.arrays import BoolArray, FloatArray
 from ..models.errors import InputError, SimulationError
@@ -90,7 +90,7 @@ def solve_lcp(matrix: FloatArray, offset: FloatArray) -> FloatArray | None:
         # The y of least norm with root^T y + b >= 0; constraints that are active there are
         # independent of each other.
         distance = np.vstack([root, -(b / size + rounding)])
-        pushes, residual = nnls(distance, np.append(np.zeros(len(root)), 1.0))
+        pushes, residual = scipy.optimize.nnls(distance, np.append(np.zeros(len(root)), 1.0))
         if residual > _CONTRADICTION:
             break
     else:

@@ -38,11 +38,12 @@ ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
     # Files that people have are read and audited; three elements, extrema of proofs
-    "lines": 72500,
-    "modules": 280,
+    "lines": 72600,
+    # A process that throws machines imports no engine: what it does is a module
+    "modules": 281,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.
     # Each of the prover's is one formula; what ends with its parent is for plug-ins, too
-    "modules with one importer": 61,
+    "modules with one importer": 62,
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,

@@ -13,31 +13,26 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from ...engines.registry import engine_class, presets_of
-from ...models.arrays import FloatArray, IndexArray
 from ...models.errors import (
-    InputError,
     SimulationError,
     StudyEndedError,
-    UnsupportedProblemError,
 )
-from ...models.library.registry import Model, library_problem, varied
+from ...models.library.registry import library_problem
 from ...models.trajectory import Trajectory, save
-from ...reference.taylor.batch import launch_batch
 from ..runs.process import ProcessError, Worker
 from ..runs.runner import failure
 from ..runs.store import conditions
 from ..runs.study import Progress, Study
 from .design import DesignPart
+from .launched import failed_launch, launch_rows
 from .machines import (
     EngineCase,
     MovedMachine,
@@ -46,9 +41,9 @@ from .machines import (
     parameters,
     refuse_impossible,
 )
-from .spec import Campaign, Launches, Runs
-from .store import CampaignStore, as_parquet, from_parquet
-from .table import DIGITS, ThrownPart, kept_quantities, launch_table, run_row, schema_of
+from .spec import Campaign, Runs
+from .store import CampaignStore
+from .table import DIGITS, Chunk, as_parquet, from_parquet, kept_quantities, run_row, schema_of
 
 _AHEAD = 2  # chunks under way for each process: one of them waits
 _MOST_AT_ONCE = 10_000  # chunks under way, each of which has a thread here
@@ -120,16 +115,6 @@ def unordered(
         threads.shutdown(wait=False, cancel_futures=True)
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Rows of some machines, and their motions where they are kept."""
-
-    content: bytes
-    """A Parquet file."""
-    motions: Mapping[str, Trajectory] = field(default_factory=dict[str, Trajectory])
-    """Motions by name of their file."""
-
-
 def _make(store: CampaignStore, worker: Worker, chunk: int) -> int:
     """Make the rows of a chunk that are missing, and write them; its number."""
     kept = store.read(chunk)
@@ -144,7 +129,10 @@ def _made(
     described: Campaign, worker: Worker, machines: DesignPart, kept: Any, chunk: int
 ) -> Chunk:
     """Make a chunk in a process, once more where that ends, and then machine by machine."""
-    make = partial(make_rows, described, machines, kept)
+    if described.runs is None:
+        make = partial(launch_rows, described, machines)
+    else:
+        make = partial(make_rows, described, machines, kept)
     try:
         return worker.compute(make, f"chunk {chunk}")
     except ProcessError:
@@ -154,7 +142,7 @@ def _made(
     except ProcessError as error:
         reason = error
     if len(machines) == 1:
-        return Chunk(as_parquet(_failed_rows(described, machines, reason)))
+        return _failed_rows(described, machines, reason)
     parts = [
         _made(described, worker, one, _of_machine(kept, int(one.numbers[0])), chunk)
         for one in machines.each()
@@ -169,29 +157,29 @@ def _of_machine(kept: Any, number: int) -> Any:
     return None if kept is None else kept.filter(pc.field("machine") == number)
 
 
-def _failed_rows(described: Campaign, machine: DesignPart, reason: ProcessError) -> Any:
+def _failed_rows(described: Campaign, machine: DesignPart, reason: ProcessError) -> Chunk:
     """Rows of a machine whose process ended again and again."""
     if described.runs is None:
-        return launch_table(described, machine, [], {0: str(reason)})
+        return failed_launch(described, machine, str(reason))
     (row,) = machine.rows()
     cases = _cases(described.runs)
-    return _table(described, [_failed(described, row, case, reason) for case in cases])
+    rows = [_failed(described, row, case, reason) for case in cases]
+    return Chunk(as_parquet(_table(described, rows)))
 
 
 # --- In a process
 
 
 def make_rows(described: Campaign, machines: DesignPart, kept: Any = None) -> Chunk:
-    """Make the rows of some machines.
+    """Run engines on some machines, and make their rows.
 
     Args:
-        described: the campaign.
+        described: the campaign, which asks for runs.
         machines: their numbers and values.
         kept: rows that are there already, of which those are made again that
             :meth:`.CampaignStore.is_to_repeat`; None: there are none.
     """
-    if described.runs is None:
-        return Chunk(as_parquet(_launched(described, machines)))
+    assert described.runs is not None
     rows, motions = list[dict[str, Any]](), dict[str, Trajectory]()
     for values in machines.rows():
         before = [] if kept is None else _of_machine(kept, values["machine"]).to_pylist()
@@ -200,43 +188,6 @@ def make_rows(described: Campaign, machines: DesignPart, kept: Any = None) -> Ch
             if motion is not None:
                 motions[_motion_name(row)] = motion
     return Chunk(as_parquet(_table(described, rows)), motions)
-
-
-def _launched(described: Campaign, machines: DesignPart) -> Any:
-    """Table of launches of machines; those that cannot be built have a message."""
-    asked, given = described.launches, described.machines.model
-    assert asked is not None
-    assert given is not None
-    messages: dict[int, str] = {}
-    parts: list[ThrownPart] = []
-    if len(machines):
-        parts += _thrown(given, asked, machines.values, np.arange(len(machines)), messages)
-    return launch_table(described, machines, parts, messages)
-
-
-def _thrown(
-    given: Model,
-    asked: Launches,
-    values: Mapping[str, FloatArray],
-    places: IndexArray,
-    messages: dict[int, str],
-) -> Iterator[ThrownPart]:
-    """Launches of the machines at some places, in parts without those that cannot be thrown.
-
-    Those are found by halving, and have a message then.
-    """
-    try:
-        machines = varied(given, {name: column[places] for name, column in values.items()})
-        thrown = launch_batch(machines, asked.duration, asked.tolerance)
-    except (InputError, UnsupportedProblemError, SimulationError) as error:
-        if len(places) == 1:
-            messages[int(places[0])] = str(error)
-            return
-        for half in np.array_split(places, 2):
-            yield from _thrown(given, asked, values, half, messages)
-        return
-    messages |= {int(places[i]): text for i, text in thrown.failures.items()}
-    yield places, thrown
 
 
 def _cases(runs: Runs) -> list[EngineCase]:

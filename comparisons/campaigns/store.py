@@ -11,7 +11,6 @@ up where files are missing. A folder holds one campaign, made by one set of vers
 
 from __future__ import annotations
 
-import io
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -206,7 +205,7 @@ class CampaignStore(Reported):
         return self.row_folder / part / f"chunk-{chunk:07d}.parquet"
 
     def write(self, chunk: int, content: bytes) -> None:
-        """Write a chunk's file, as :func:`as_parquet` makes it, whole or not at all.
+        """Write a chunk's file, as :func:`.table.as_parquet` makes it, whole or not at all.
 
         Raises:
             UnwritableError: the disk is full, or the folder cannot be written to; what is there is
@@ -316,18 +315,6 @@ def _table_of(path: Path) -> Any:
             return file.read()
     except (OSError, pa.ArrowInvalid):
         return None
-
-
-def as_parquet(table: Any) -> bytes:
-    """A table as the content of a Parquet file, compressed, with checksums of its pages."""
-    target = io.BytesIO()
-    pq.write_table(table, target, compression="zstd", write_page_checksum=True)
-    return target.getvalue()
-
-
-def from_parquet(content: bytes) -> Any:
-    """The table of such a content."""
-    return pq.read_table(io.BytesIO(content))
 
 
 def _versions(campaign: Campaign) -> Versions:

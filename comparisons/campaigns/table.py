@@ -1,4 +1,4 @@
-"""The tables of a campaign: their columns with units, and rows from runs and from launches.
+"""The tables of a campaign: their columns with units, the row of a run, and a chunk's file.
 
 A row of `runs` is one engine at one preset and step on one machine; a row of `launches` is one
 machine that the reference has thrown. Every row has the values of its machine's parameters beside
@@ -7,23 +7,21 @@ what was measured, so that one table answers a question without another.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
-from ...models.arrays import FloatArray, IndexArray
 from ...models.errors import InputError
 from ...models.library.registry import model, parameters_type
 from ...models.spec import number_units
-from ...reference.taylor.batch import BatchLaunches
+from ...models.trajectory import Trajectory
 from ...version import __version__
 from ..runs.quantities import JUDGED, MetricKind, judged_quantity
 from ..runs.results import Machine, Metric, Run
-from .design import DesignPart
 from .spec import Campaign
 
 _TEXT, _REAL, _WHOLE, _TRUTH = pa.string(), pa.float64(), pa.int64(), pa.bool_()
@@ -92,6 +90,28 @@ _LAUNCH = (
 _MESSAGE = RowColumn("message", _TEXT, "why the machine could not be built or launched")
 
 
+@dataclass(frozen=True)
+class Chunk:
+    """Rows of some machines, and their motions where they are kept."""
+
+    content: bytes
+    """A Parquet file."""
+    motions: Mapping[str, Trajectory] = field(default_factory=dict[str, Trajectory])
+    """Motions by name of their file."""
+
+
+def as_parquet(table: Any) -> bytes:
+    """A table as the content of a Parquet file, compressed, with checksums of its pages."""
+    target = io.BytesIO()
+    pq.write_table(table, target, compression="zstd", write_page_checksum=True)
+    return target.getvalue()
+
+
+def from_parquet(content: bytes) -> Any:
+    """The table of such a content."""
+    return pq.read_table(io.BytesIO(content))
+
+
 def schema_of(campaign: Campaign) -> Any:
     """Schema of a campaign's table: a `pyarrow.Schema` with units, and the campaign it is of.
 
@@ -111,7 +131,7 @@ def columns_of(campaign: Campaign) -> list[RowColumn]:
     hashed = _VARIED if campaign.runs is None else _BUILT
     columns = [_NUMBER, hashed, *parameter_columns(campaign)]
     if campaign.runs is None:
-        columns += [*_LAUNCH, *(_release(name) for name in _stops(campaign)), _MESSAGE]
+        columns += [*_LAUNCH, *(_release(name) for name in stop_names(campaign)), _MESSAGE]
     else:
         columns += _RUN
         for quantity in kept_quantities(campaign):
@@ -158,7 +178,8 @@ def _quantity_columns(quantity: MetricKind) -> list[RowColumn]:
     return [RowColumn(column_name(quantity, what), types[what], texts[what]) for what in _QUANTITY]
 
 
-def _stops(campaign: Campaign) -> tuple[str, ...]:
+def stop_names(campaign: Campaign) -> tuple[str, ...]:
+    """Names of the stops of the machines that a campaign throws."""
     given = campaign.machines.model
     assert given is not None
     return tuple(stop.name for stop in model(given).stops)
@@ -228,65 +249,3 @@ def _worst(metrics: Sequence[Metric]) -> Metric | None:
         return max(judged, key=lambda metric: metric.share or 0.0)
     valued = [metric for metric in metrics if metric.value is not None]
     return max(valued, key=lambda metric: abs(metric.value or 0.0), default=None)
-
-
-ThrownPart = tuple[IndexArray, BatchLaunches]
-"""Places of some machines of a chunk, (m,), and their launches."""
-
-
-def launch_table(
-    campaign: Campaign,
-    machines: DesignPart,
-    thrown: Iterable[ThrownPart],
-    messages: Mapping[int, str],
-) -> Any:
-    """Table of launches: a `pyarrow.Table` with a row a machine.
-
-    Args:
-        campaign: that asks for them.
-        machines: their numbers in the design, n of them, and their values.
-        thrown: launches of those that could be built, in parts.
-        messages: why machines could not be built or launched, by their place.
-    """
-    n, parts = len(machines), list(thrown)
-
-    def spread(read: Callable[[BatchLaunches], FloatArray]) -> FloatArray:
-        full = np.full(n, np.nan)
-        for places, launches in parts:
-            full[places] = read(launches)
-        return full
-
-    found: dict[str, Any] = {
-        "machine": np.asarray(machines.numbers, dtype=np.int64),
-        "mechanism": _hashes(campaign, machines.values),
-        **machines.values,
-        "launch_time": spread(lambda launch: launch.time),
-        "launch_speed": spread(lambda launch: launch.speed),
-        "launch_vx": spread(lambda launch: launch.velocity[:, 0]),
-        "launch_vy": spread(lambda launch: launch.velocity[:, 1]),
-        "message": [messages.get(i) for i in range(n)],
-    }
-    found["launched"] = np.isfinite(found["launch_time"])
-    for name in _stops(campaign):
-        found[f"release {name}"] = spread(lambda launch, name=name: launch.release_times[name])
-    schema = schema_of(campaign)
-    arrays = [pa.array(found[field.name], field.type, from_pandas=True) for field in schema]
-    return pa.Table.from_arrays(arrays, schema=schema)
-
-
-def _hashes(campaign: Campaign, values: Mapping[str, FloatArray]) -> list[str]:
-    """SHA-256 of the model and the values of each machine.
-
-    The mechanisms themselves are not made: that would take longer than their motion.
-    """
-    given = campaign.machines.model
-    assert given is not None
-    common = hashlib.sha256(model(given).content_hash.encode())
-    common.update("\n".join(values).encode())
-    rows = np.ascontiguousarray(np.stack(list(values.values()), axis=1), dtype="<f8")
-    found: list[str] = []
-    for row in rows:
-        of_row = common.copy()
-        of_row.update(row.tobytes())
-        found.append(of_row.hexdigest()[:DIGITS])
-    return found

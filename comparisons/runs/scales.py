@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -27,7 +27,9 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import NonNegative, Positive, Spec
 from ...models.trajectory import Trajectory
-from ...reference.solution import Solution
+
+if TYPE_CHECKING:  # it imports SciPy's integrators, which processes that throw machines do without
+    from ...reference.solution import Solution
 
 _SAMPLES = 801
 _LONGEST = 10.0  # characteristic time in parts of the end, for motions that hardly move

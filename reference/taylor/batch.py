@@ -39,7 +39,6 @@ from .numbers import (
     rests_of,
     structure_of,
 )
-from .solve import taylor_quantities
 
 BATCH_TOLERANCE = 1e-12
 _CHUNK = 4096  # machines whose numbers are held at a time
@@ -228,6 +227,9 @@ class _Machines:
             self._projectiles[indices] = projectile.coefficients
             self._at_rest[indices] = starts_at_rest(kinematics, self.stops)
         self._phasors = groups[0][2]  # alike for all
+        # The same in Python's numbers, of which the integrator's calls take one after another
+        self._rows: list[list[complex]] = self._projectiles.tolist()
+        self._scales: list[float] = self._speed_scales.tolist()
         self.rests = np.array(
             [name in rests_of(example.mechanism) for name in self.stops], dtype=bool
         )
@@ -348,12 +350,11 @@ class _Machines:
         function = torque_function(self.structure, np.float64)
         return np.asarray(function(states.T.copy(), pars=parameters)).T
 
-    def is_launch(self, i: int, state: FloatArray) -> bool:
+    def is_launch(self, i: int, state: Sequence[float]) -> bool:
         """Tell whether machine i launches: not in the opposite direction, nor from rest."""
-        q, u = state[: self.structure.n_q], state[self.structure.n_q : 2 * self.structure.n_q]
-        flow = self._phasors.flow(q, u, self._phasors.rates(q))
-        velocity = complex(flow @ self._projectiles[i])
-        return is_launch((velocity.real, velocity.imag), scale=self._speed_scales[i])
+        n_q = self.structure.n_q
+        velocity = self._phasors.rate_alone(self._rows[i], state[:n_q], state[n_q : 2 * n_q])
+        return is_launch((velocity.real, velocity.imag), scale=self._scales[i])
 
     def velocities(self, machines: IndexArray, states: FloatArray) -> FloatArray:
         """Velocities of the projectiles [m/s], shape (m, 2)."""
@@ -393,7 +394,7 @@ class _Lanes:
         self._integrator, self._duration = integrator, duration
         self._machines, self._system = machines, system
         # Views that stay true. The integrator's own time is that of all legs of a lane.
-        self._state, self._pars = integrator.state, integrator.pars
+        self._columns, self._numbers = list(integrator.state.T), list(integrator.pars.T)
         self._high, self._low = integrator.dtime
         self._n_stops = system.structure.n_stops
         self._lanes = range(int(integrator.batch_size))
@@ -438,7 +439,7 @@ class _Lanes:
     def _elapsed(self, lane: int) -> float:
         """Time since a lane's leg began [s]."""
         high, low = self._began[lane]
-        return (self._high[lane] - high) + (self._low[lane] - low)
+        return (self._high.item(lane) - high) + (self._low.item(lane) - low)
 
     def _meet(self, event: int, lane: int) -> bool:
         """Take note of an event of a lane; whether the integrator is to go on."""
@@ -446,8 +447,8 @@ class _Lanes:
         if leg < 0:
             return True
         if event == self._n_stops:
-            state = self._state[:, lane]
-            if not self._machines.is_launch(self._legs.machines[leg], state):
+            machine = self._legs.machines.item(leg)
+            if not self._machines.is_launch(machine, self._columns[lane].tolist()):
                 return True
             event = _LAUNCH
         if self._machines.guard is not None:
@@ -473,9 +474,9 @@ class _Lanes:
         """End the leg of a lane, and begin the next one there."""
         leg, legs = self._leg[lane], self._legs
         legs.times[leg] += self._elapsed(lane)
-        legs.states[leg] = self._state[:, lane]
+        legs.states[leg] = self._columns[lane]
         self._events[leg] = event
-        self._load(lane, (self._high[lane], self._low[lane]))
+        self._load(lane, (self._high.item(lane), self._low.item(lane)))
 
     def _load(self, lane: int, now: tuple[float, float]) -> None:
         """Begin the next leg in a lane, if one waits."""
@@ -484,14 +485,14 @@ class _Lanes:
             self._busy -= 1
             self._park(lane)
             return
-        self._state[:, lane] = self._legs.states[leg]
-        self._pars[:, lane] = self._parameters[leg]
+        self._columns[lane][:] = self._legs.states[leg]
+        self._numbers[lane][:] = self._parameters[leg]
         self._began[lane] = now
         self._integrator.reset_cooldowns(lane)
 
     def _park(self, lane: int) -> None:
         """Let a lane go through a motion without events."""
-        self._state[:, lane], self._pars[:, lane] = self._idle
+        self._columns[lane][:], self._numbers[lane][:] = self._idle
 
 
 class _Motions:
@@ -560,6 +561,11 @@ class _Motions:
 
     def _solve_alone(self, machines: IndexArray) -> None:
         """Solve machines that the lanes cannot take, or note why they cannot be solved."""
+        if not len(machines):
+            return
+        # Half a second, which launches of machines that the lanes take do not need
+        from .solve import taylor_quantities
+
         for i in machines.tolist():
             self.releases[i] = np.nan
             try:
