@@ -46,8 +46,8 @@ _PUBLIC = {
     "models.errors": "EngineNotInstalledError InputError SimulationError TrebucheckError "
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
-    "PointStop PrismaticJoint RotationalSpringDamper RotorInertia SlideSpringDamper SlotJoint "
-    "SpringDamper Stop TranslationJoint WeldJoint",
+    "PointStop PrismaticJoint RecordedEffort RotationalSpringDamper RotorInertia "
+    "SlideSpringDamper SlotJoint SpringDamper Stop TranslationJoint WeldJoint",
     "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """

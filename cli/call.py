@@ -134,11 +134,15 @@ class Call:
 
     def model_start(self) -> dict[str, Any]:
         """Keywords of a model file's start, and of what of it is left out."""
-        how: dict[str, Any] = {
-            name: options.numbers(text, f"--{name}")
-            for name in ("qpos", "qvel", "ctrl")
-            if (text := self.values[name]) is not None
-        }
+        from ..models.controls import SUFFIXES
+
+        how: dict[str, Any] = {}
+        for name in ("qpos", "qvel", "ctrl"):
+            text = self.values[name]
+            if name == "ctrl" and text is not None and text.lower().endswith(SUFFIXES):
+                how[name] = Path(text)
+            elif text is not None:
+                how[name] = options.numbers(text, f"--{name}")
         return {**how, "keyframe": self.keyframe, "without": self.names("without") or ()}
 
     def names(self, option: str) -> list[str] | None:

@@ -270,7 +270,10 @@ OPTIONS = {
     "keyframe": option("--keyframe", "Name or number of the file's keyframe to start from."),
     "qpos": option("--qpos", "Positions at the start, in the file's order (rad, m), as 0.1,0,2."),
     "qvel": option("--qvel", "Velocities at the start, in the file's order (rad/s, m/s)."),
-    "ctrl": option("--ctrl", "Controls, constant, in the file's order."),
+    "ctrl": option(
+        "--ctrl",
+        "Controls in the file's order, constant; or recorded, the path of a .csv or .npz file.",
+    ),
     "without": option(
         "--without",
         "Features to leave out: limits, friction-loss, fluid, actuators, equalities, tendons.",

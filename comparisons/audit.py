@@ -20,6 +20,7 @@ from ..engines.presets import SETTINGS
 from ..engines.registry import engine, engine_names
 from ..engines.study import GivenRun, ModelFile, ModelOptions, ModelStart
 from ..models.arrays import FloatArray
+from ..models.controls import ControlRecord
 from ..models.errors import InputError, SimulationError
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
@@ -28,7 +29,7 @@ from ..models.shown import Reported
 from ..models.spec import Real, Spec
 from ..models.trajectory import Provenance, Trajectory
 from .runs.metrics import compared_points
-from .runs.model_files import largest_difference, read_model_file
+from .runs.model_files import controls_of, largest_difference, read_model_file
 from .runs.process import Worker
 from .runs.results import REFERENCE, ResultFile
 from .runs.runner import Runner, failure, refuse_invalid
@@ -243,7 +244,7 @@ def audit(
     keyframe: str | int | None = None,
     qpos: Sequence[float] | None = None,
     qvel: Sequence[float] | None = None,
-    ctrl: Sequence[float] | None = None,
+    ctrl: Sequence[float] | ControlRecord | str | Path | None = None,
     without: Collection[str] = (),
     engines: Collection[str] | None = None,
     progress: Progress | None = None,
@@ -276,7 +277,7 @@ def audit(
             raise InputError(f"{what} = {value!r} must be a positive number.")
     for name in engines or ():
         engine(name, SETTINGS)  # refuses one that is unknown before anything is moved
-    start = ModelStart(keyframe, qpos, qvel, ctrl, without)
+    start = ModelStart(keyframe, qpos, qvel, controls_of(ctrl), without)
     if isinstance(source, ModelFile):
         if start != ModelStart():
             raise InputError(f"{source.mechanism.name!r} has a start of its own; give no other.")

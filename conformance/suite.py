@@ -607,7 +607,8 @@ class Session:
         if not options["timeout"] > 0:
             raise InputError(f"timeout = {options['timeout']!r} s must be positive.")
         chosen = [name.strip() for text in options["problem"] for name in text.split(",")]
-        names = tuple(dict.fromkeys(chosen or problems_of(options["tier"])))
+        of_tier = problems_of(options["tier"])  # refuses an unknown one in any case
+        names = tuple(dict.fromkeys(chosen or of_tier))
         for name in names:
             given(name)
         targets = dict.fromkeys(map(Target.of, engines))

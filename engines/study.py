@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from ..models.arrays import FloatArray
+from ..models.controls import ControlRecord
 from ..models.mechanism import Mechanism
 from .presets import ASSISTED, MEANINGS, PRESETS
 
@@ -290,6 +291,8 @@ _Snippets = Callable[[Any, Mechanism, float], Mapping[str, str]]
 class ModelStates:
     """Values of an engine's model at n states, in a mechanism's coordinates and names."""
 
+    t: FloatArray
+    """Time whose recorded controls act in each state, shape (n,) [s]."""
     q: FloatArray
     """Coordinates, shape (n, n_q)."""
     u: FloatArray
@@ -333,8 +336,8 @@ class ModelStart:
     """Positions, in place of the keyframe's or of the file's own."""
     qvel: Sequence[float] | None = None
     """Velocities, in place of the keyframe's or of rest."""
-    ctrl: Sequence[float] | None = None
-    """Constant controls, in place of the keyframe's or of zeros."""
+    ctrl: Sequence[float] | ControlRecord | None = None
+    """Controls, constant or recorded, in place of the keyframe's or of zeros."""
     without: Collection[str] = ()
     """Features to leave out: "limits", "friction-loss", "fluid", "actuators", "equalities",
     "tendons"."""

@@ -5,19 +5,21 @@ The formulas stand with the elements (:mod:`.elements`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
-from .arrays import ComplexArray, FloatArray
+from .arrays import ComplexArray, FloatArray, IndexArray
 from .elements import (
     GROUND,
     AnyForceElement,
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -27,7 +29,12 @@ from .functions import AngleFunction, PointCoefficients
 from .kinematics import Kinematics
 
 _Linear = (
-    RotationalSpringDamper | CubicTorsionSpring | ConstantTorque | RotorInertia | SlideSpringDamper
+    RotationalSpringDamper
+    | CubicTorsionSpring
+    | ConstantTorque
+    | RotorInertia
+    | SlideSpringDamper
+    | RecordedEffort
 )
 
 
@@ -56,6 +63,17 @@ class AppliedForces:
         elements = self.kinematics.mechanism.force_elements
         chosen = [element for element in elements if element.acts_along == direction]
         return tuple((element, element.direction(self.kinematics)) for element in chosen)
+
+    def at_times(self, t: FloatArray) -> Iterator[tuple[IndexArray, AppliedForces]]:
+        """Indices of times (n,) [s] between the same instants, and the forces that act there."""
+        mechanism = self.kinematics.mechanism
+        if not mechanism.instants:
+            yield np.arange(len(t)), self
+            return
+        stages = np.searchsorted(mechanism.instants, t, side="right")
+        for stage in np.unique(stages).tolist():
+            at = mechanism.at((0.0, *mechanism.instants)[stage])
+            yield np.flatnonzero(stages == stage), AppliedForces(Kinematics(at))
 
     @property
     def terms(self) -> tuple[tuple[AnyForceElement, Any], ...]:

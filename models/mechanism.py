@@ -256,6 +256,19 @@ class Mechanism(Shown, Spec):
         return (*self.joints, *self.stops, *self.force_elements)
 
     @property
+    def instants(self) -> tuple[float, ...]:
+        """Times at which the law of an element changes, ascending [s]; none usually."""
+        return tuple(sorted({t for element in self.force_elements for t in element.instants}))
+
+    def at(self, t: float) -> Self:
+        """The mechanism with the laws that act from a time [s] to the next instant.
+
+        Its start stays the same.
+        """
+        elements = tuple(element.at(t) for element in self.force_elements)
+        return self.model_copy(update={"force_elements": elements})
+
+    @property
     def gravity_vector(self) -> Vector:
         """Acceleration of gravity [m/s^2]."""
         return self.gravity * self.gravity_direction[0], self.gravity * self.gravity_direction[1]

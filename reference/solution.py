@@ -27,6 +27,7 @@ from .singular import SingularPassage, Window
 class Segment:
     """The motion between two events, under one active set of stops."""
 
+    equations: Equations
     closed: tuple[str, ...]
     start: float
     end: float
@@ -34,14 +35,13 @@ class Segment:
     windows: tuple[Window, ...] = ()
     """Across singular positions; the interpolant holds their motion, too."""
 
-    def forces(
-        self, equations: Equations, t: FloatArray, q: FloatArray, u: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def forces(self, t: FloatArray, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Accelerations and multipliers of the segment's states (n, n_q) at times t [s].
 
         Across singular positions, in which the equations of motion are 0/0, they are read from the
         window.
         """
+        equations = self.equations
         a, multipliers = np.empty_like(q), np.empty((len(t), equations.n_loops + len(self.closed)))
         regular = np.ones(len(t), dtype=bool)
         for window in self.windows:
@@ -63,6 +63,8 @@ class MotionSamples:
     a: FloatArray
     loop_multipliers: FloatArray
     stop_torques: Mapping[str, FloatArray]
+    applied: Mapping[str, FloatArray]
+    """Resultant force of the force elements on bodies, in the world [N], shape (n, 2)."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,6 +73,7 @@ class Solution(Shown):
 
     problem: Problem
     equations: Equations
+    """Of the mechanism; those of a segment may have other forces, if some were recorded."""
     segments: tuple[Segment, ...]
     release_times: Mapping[str, float | None]
     impacts: tuple[tuple[float, dict[str, float]], ...]
@@ -139,33 +142,37 @@ class Solution(Shown):
         self, t: FloatArray, q: FloatArray, u: FloatArray, *, exactly: bool
     ) -> MotionSamples:
         """Accelerations and multipliers; `exactly`: of the motion itself, by its windows, too."""
-        equations, n_loops = self.equations, self.equations.n_loops
+        n_loops = self.equations.n_loops
         a, loops = np.empty_like(q), np.empty((len(t), n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
+        applied = dict[str, FloatArray]()
         with numerical("with the forces of its motion"):
             for segment, i in self._by_segment(t):
                 if exactly:
-                    a[i], multipliers = segment.forces(equations, t[i], q[i], u[i])
+                    a[i], multipliers = segment.forces(t[i], q[i], u[i])
                 else:
-                    a[i], multipliers = equations.solve(q[i], u[i], segment.closed)
+                    a[i], multipliers = segment.equations.solve(q[i], u[i], segment.closed)
+                for body, force in segment.equations.applied_on_bodies(q[i], u[i]).items():
+                    applied.setdefault(body, np.zeros((len(t), 2)))[i] = force
                 loops[i] = multipliers[:, :n_loops]
                 for name, torque in zip(segment.closed, multipliers[:, n_loops:].T, strict=True):
                     torques[name][i] = torque
         refuse_infinite("accelerations", a)
         refuse_infinite("forces of joints and stops", loops, *torques.values())
-        return MotionSamples(q, u, a, loops, torques)
+        return MotionSamples(q, u, a, loops, torques, applied)
 
     def joint_reactions(self, motion: MotionSamples) -> dict[str, FloatArray]:
         """Force on each joint's child [N], world frame, shape (n, 2), by Newton's law."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         gravity = np.array(mechanism.gravity_vector)
-        applied = self.equations.applied_on_bodies(motion.q, motion.u)
         second = kinematics.second_flow(motion.q, motion.u, motion.a)
         needed = dict[str, FloatArray]()
         for body in mechanism.bodies:
             centre = kinematics.point(body.name, body.centre)
             acceleration = as_vectors(weighted(second, centre.coefficients))
-            needed[body.name] = body.mass * (acceleration - gravity) - applied.get(body.name, 0.0)
+            needed[body.name] = body.mass * (acceleration - gravity) - motion.applied.get(
+                body.name, 0.0
+            )
         return joint_reactions(
             kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques
         )
@@ -196,7 +203,7 @@ class Solution(Shown):
         n_q = len(self.problem.mechanism.coordinates)
         for segment in self.segments:
             middle = np.asarray(segment.interpolant((segment.start + segment.end) / 2))
-            names = undetermined_forces(self.equations, middle[:n_q], segment.closed)
+            names = undetermined_forces(segment.equations, middle[:n_q], segment.closed)
             joints |= dict.fromkeys(names[0])
             stops |= dict.fromkeys(names[1])
         return tuple(joints), tuple(stops)

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
 from ..models.elements import refuse_unknown
-from ..models.errors import InputError, SimulationError
+from ..models.errors import InputError, SimulationError, UnsupportedProblemError
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
@@ -74,17 +74,19 @@ def _integrate(
     started, mechanism = time.perf_counter(), problem.mechanism
     n_q, evaluations, n_events = len(mechanism.coordinates), 0, 0
     segments: list[Segment] = []
-    active_set = ActiveSet(problem, equations)
+    ends = [*(t for t in mechanism.instants if t < problem.duration), problem.duration]
+    held = _held(equations, 0.0)
+    active_set = ActiveSet(problem, held)
     limit = StepLimit(2 * n_q, problem.duration, most_steps)
-    note_singular_start(equations, *initial_state(mechanism))
+    note_singular_start(held, *initial_state(mechanism))
     initial = active_set.begin()
     while initial.t < problem.duration:
-        # Under one active set, to its first events or to the end.
-        finder = EventFinder(equations, initial, active_set.event_functions(initial))
+        # Under one active set, to its first events, to an instant of a record, or to the end.
+        finder = EventFinder(held, initial, active_set.event_functions(initial))
         y = np.concatenate([initial.q, initial.u])
-        to, tolerance = problem.duration, (rtol, atol)
+        to, tolerance = next(end for end in ends if end > initial.t), (rtol, atol)
         segment, events, stepper = integrate_segment(
-            equations, initial.closed, initial.t, y, to, tolerance, finder.first, limit
+            held, initial.closed, initial.t, y, to, tolerance, finder.first, limit
         )
         evaluations += stepper.nfev
         n_events += len(events)
@@ -94,11 +96,16 @@ def _integrate(
             )
         if segment.end > segment.start or not events:
             segments.append(segment)
-        if not events:
+        if events:
+            t, (q, u) = events[0].t, np.split(events[0].state, 2)
+            functions = [event.function for event in events]
+            initial = active_set.after(t, q.copy(), u.copy(), initial.closed, functions)
+        elif to == problem.duration:
             break
-        t, (q, u) = events[0].t, np.split(events[0].state, 2)
-        functions = [event.function for event in events]
-        initial = active_set.after(t, q.copy(), u.copy(), initial.closed, functions)
+        else:
+            q, u = np.split(np.asarray(segment.interpolant(to)), 2)
+            held = _held(equations, to)
+            initial = active_set.with_other_forces(held, to, q.copy(), u.copy(), initial.closed)
     return Solution(
         problem=problem,
         equations=equations,
@@ -110,6 +117,17 @@ def _integrate(
         settings={"rtol": rtol, "atol": atol},
         wall_time=time.perf_counter() - started,
     )
+
+
+def _held(equations: Equations, t: float) -> Equations:
+    """The equations with the forces that act from a time [s] to the next instant of a record."""
+    if not equations.mechanism.instants:
+        return equations
+    if type(equations) is not Equations:
+        raise UnsupportedProblemError(
+            f"equations of {equations.mechanism.name!r} with a fault follow no record of efforts."
+        )
+    return Equations(equations.mechanism.at(t))
 
 
 def characteristic_time(mechanism: Mechanism) -> float:
@@ -212,7 +230,7 @@ def integrate_segment(
         if window is not None and not path.events:
             q, u = watch.projected(*path.cross(window))
             stepper.go_on(path.times[-1], np.concatenate([q, u]))
-    return path.segment(closed), path.events, stepper
+    return path.segment(equations, closed), path.events, stepper
 
 
 class _Path:
@@ -242,14 +260,15 @@ class _Path:
         self._windows.append(window.until(end, releases(self.events)))
         return np.asarray(piece(end)).reshape(2, -1)
 
-    def segment(self, closed: tuple[str, ...]) -> Segment:
+    def segment(self, equations: Equations, closed: tuple[str, ...]) -> Segment:
         """The segment up to here."""
         # The event fell on the step's very start.
         if len(self._pieces) > 1 and self.times[-1] <= self.times[-2]:
             self.times.pop()
             self._pieces.pop()
         interpolant = OdeSolution(np.array(self.times), self._pieces)
-        return Segment(closed, self.times[0], self.times[-1], interpolant, tuple(self._windows))
+        windows = tuple(self._windows)
+        return Segment(equations, closed, self.times[0], self.times[-1], interpolant, windows)
 
 
 def first_events(

@@ -422,6 +422,8 @@ def _of_parameter(
     words = _words(command, {parameter: value}, declared)
     # A machine with an odd beam may never launch: the sentence says so, and not of which beam
     told = (*_forms(value), "projectile") if (command, parameter) == ("throw", "beam") else ()
+    if (parameter, value) == ("without", "limits,gravity"):
+        told = ("'gravity'",)  # the one that is not known
     return Case(command, parameter, value, words, told=told, may_be_right=odd or right)
 
 

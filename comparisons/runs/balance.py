@@ -49,8 +49,11 @@ def sampled_balance(trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
     """
     if not does_work(trajectory.mechanism):
         return trajectory.total_energy, np.zeros(len(trajectory.t))
-    power = AppliedForces(trajectory.kinematics).power(trajectory.q, trajectory.u)
-    work, error = _integrated(trajectory.t, power, [time for time, _ in trajectory.impacts])
+    power = np.empty(len(trajectory.t))
+    for i, acting in AppliedForces(trajectory.kinematics).at_times(trajectory.t):
+        power[i] = acting.power(trajectory.q[i], trajectory.u[i])
+    breaks = {time for time, _ in trajectory.impacts}.union(trajectory.mechanism.instants)
+    work, error = _integrated(trajectory.t, power, sorted(breaks))
     return trajectory.total_energy - work, error
 
 
@@ -63,8 +66,9 @@ def reference_balance(solution: Solution, reference: Trajectory) -> FloatArray:
 
 def reference_work(solution: Solution, t: FloatArray) -> FloatArray:
     """W from the start to ascending times t [s] of the solution [J], shape (n,)."""
-    forces, work, done = AppliedForces(solution.equations.kinematics), np.zeros(len(t)), 0.0
+    work, done = np.zeros(len(t)), 0.0
     for segment in solution.segments:
+        forces = AppliedForces(segment.equations.kinematics)
         nodes = segment.interpolant.ts
         nodes = np.append(nodes[nodes < segment.end], segment.end)
         sums = np.concatenate([[0.0], np.cumsum(_gauss(forces, segment, nodes[:-1], nodes[1:]))])

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...engines.study import ModelFile, ModelStart
 from ...models.arrays import FloatArray
+from ...models.controls import ControlRecord
 from ...models.errors import EngineNotInstalledError, SimulationError
 from ...models.library.registry import is_file, read_file, read_files_by
 from ...models.mechanism import Mechanism
@@ -37,7 +38,7 @@ def from_mjcf(
     keyframe: str | int | None = None,
     qpos: Sequence[float] | None = None,
     qvel: Sequence[float] | None = None,
-    ctrl: Sequence[float] | None = None,
+    ctrl: Sequence[float] | ControlRecord | str | Path | None = None,
     without: Collection[str] = (),
 ) -> Mechanism:
     """Read a planar mechanism from an MJCF or URDF file, as its engine compiles it.
@@ -52,7 +53,8 @@ def from_mjcf(
         source: a path, the text of a file, or a compiled model.
         keyframe: name or number of the model's keyframe to start from.
         qpos, qvel: start, in place of the keyframe's or of `qpos0` at rest.
-        ctrl: constant controls, in place of the keyframe's or of zeros.
+        ctrl: controls, in place of the keyframe's or of zeros: constant ones, or recorded ones that
+            are held from each time to the next (a record, or the path of a .csv or .npz file).
         without: features to leave out: "limits", "friction-loss", "fluid", "actuators",
             "equalities", "tendons".
 
@@ -62,7 +64,15 @@ def from_mjcf(
             mechanisms have not; the sentence names it.
         EngineNotInstalledError: the engine that compiles such files is not installed.
     """
-    return read_model_file(source, ModelStart(keyframe, qpos, qvel, ctrl, without)).mechanism
+    start = ModelStart(keyframe, qpos, qvel, controls_of(ctrl), without)
+    return read_model_file(source, start).mechanism
+
+
+def controls_of(
+    ctrl: Sequence[float] | ControlRecord | str | Path | None,
+) -> Sequence[float] | ControlRecord | None:
+    """Controls as they are given, or read from the file that is named."""
+    return ControlRecord.read(ctrl) if isinstance(ctrl, str | Path) else ctrl
 
 
 def read_model_file(source: str | Path | Any, start: ModelStart = _OWN_START) -> ModelFile:
@@ -107,7 +117,11 @@ def largest_difference(read: ModelFile) -> tuple[float, str]:
     free = mechanism.model_copy(update={"joints": mechanism.tree_joints, "stops": ()})
     kinematics = Kinematics(mechanism)
     equations = Equations(free)
-    accelerations = equations.solve(states.q, states.u, ())[0]
+    accelerations = np.empty_like(states.q)
+    for t in np.unique(states.t):
+        then = states.t == t
+        acting = equations if not free.instants else Equations(free.at(float(t)))
+        accelerations[then] = acting.solve(states.q[then], states.u[then], ())[0]
     pairs = list[tuple[str, FloatArray, FloatArray]]()
     if states.mass is not None:
         pairs.append(("the mass matrix", equations.mass_matrix(states.q), states.mass))

@@ -222,8 +222,9 @@ def _largest_speed(reference: Trajectory) -> float:
 
 def _largest_force(reference: Trajectory, away: BoolArray) -> float:
     """Largest force of any joint, of a stop on a point, or of force elements on a body [N]."""
-    applied = AppliedForces(reference.kinematics).on_bodies(reference.q, reference.u)
-    forces = [*applied.values(), *(force[away] for force in reference.joint_reactions.values())]
+    forces = [force[away] for force in reference.joint_reactions.values()]
+    for i, acting in AppliedForces(reference.kinematics).at_times(reference.t):
+        forces += acting.on_bodies(reference.q[i], reference.u[i]).values()
     forces += [reference.stop_torques[s.name][away] for s in reference.mechanism.point_stops]
     return max(map(_largest, forces), default=0.0)
 

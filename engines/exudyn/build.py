@@ -519,5 +519,8 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.ConstantTorque: Builder.add_torque,
         elements.SlideSpringDamper: Builder.add_slide_spring,
     },
-    {elements.RotorInertia: "our adapter adds no inertia between two bodies"},
+    {
+        elements.RotorInertia: "our adapter adds no inertia between two bodies",
+        elements.RecordedEffort: "our adapter follows no record of efforts",
+    },
 )

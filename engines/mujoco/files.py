@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models.arrays import FloatArray
+from ...models.controls import ControlRecord
 from ...models.errors import InputError, shortened
 from ...models.files import read_bytes
 from ..study import ModelStart
@@ -32,7 +32,8 @@ def read_model(source: str | Path | Any, start: ModelStart) -> PlanarModel:
     given = _of_keyframe(model, name, start.keyframe)
     for what, values in (("qpos", start.qpos), ("qvel", start.qvel), ("ctrl", start.ctrl)):
         if values is not None:
-            given[what] = np.array(values, dtype=np.float64)
+            is_record = isinstance(values, ControlRecord)
+            given[what] = values if is_record else np.array(values, dtype=np.float64)
     return planar_model(model, name, without=start.without, **given)
 
 
@@ -62,7 +63,7 @@ def _name(model: Any, otherwise: str) -> str:
     return as_name(wanted, "model")
 
 
-def _of_keyframe(model: Any, name: str, keyframe: str | int | None) -> dict[str, FloatArray]:
+def _of_keyframe(model: Any, name: str, keyframe: str | int | None) -> dict[str, Any]:
     """Positions, velocities and controls of a keyframe."""
     if keyframe is None:
         return {}

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
+from ...models.controls import ControlRecord
 from ...models.elements import (
     GROUND,
     AnyForceElement,
@@ -31,6 +32,7 @@ from ...models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -52,6 +54,8 @@ _ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
 _LONGEST_NAME = 60
 _FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
 _FASTEST = 2.0  # [rad/s, m/s]
+
+_SAME_TIME = 1e-9  # [s] by which a step may begin before the instant that it is to begin at
 
 _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
 
@@ -124,8 +128,8 @@ class PlanarModel:
     """C in q = offset + C qpos and u = C qvel, shape (n_q, nv)."""
     offset: FloatArray
     """Shape (n_q,) [rad or m]."""
-    ctrl: FloatArray
-    """Controls, constant, shape (nu,)."""
+    controls: ControlRecord
+    """Of all actuators; constant ones are a record with one time."""
     limits: Mapping[str, tuple[int, int, float]]
     """Address in qpos, side (1: lower) and position of each limit, by the stop's name."""
     sites: Mapping[str, int]
@@ -222,10 +226,14 @@ class PlanarModel:
         with raised_warnings():
             data = self._start(model)
             began = process_time()
-            mujoco.mj_step(model, data, nstep=steps)
+            changes = self._changes(steps, timestep)
+            for k, last in zip(changes, (*changes[1:], steps), strict=True):
+                data.ctrl[:] = self._control(k * timestep)
+                mujoco.mj_step(model, data, nstep=last - k)
             spent, data = process_time() - began, self._start(model)
             qpos[0], qvel[0] = data.qpos, data.qvel
             for k in range(1, steps + 1):
+                data.ctrl[:] = self._control((k - 1) * timestep)
                 mujoco.mj_step(model, data)
                 qpos[k], qvel[k] = data.qpos, data.qvel
                 # Contacts were found at the beginning of the step, which they have changed.
@@ -238,6 +246,16 @@ class PlanarModel:
             )
         t = timestep * np.arange(steps + 1, dtype=np.float64)
         return GivenRun(t, self.coordinates(qpos), self.speeds(qvel), contact, spent)
+
+    def _control(self, t: float) -> FloatArray:
+        """Controls of the step that begins at a time [s], which may be a rounding too early."""
+        return self.controls.at(np.array([t + _SAME_TIME]))[0]
+
+    def _changes(self, steps: int, timestep: float) -> list[int]:
+        """First step, and those that begin with other controls than the one before."""
+        times = timestep * np.arange(max(steps, 1)) + _SAME_TIME
+        acting = np.searchsorted(self.controls.times, times, side="right")
+        return [0, *(np.flatnonzero(np.diff(acting)) + 1).tolist()]
 
     def _with(self, options: ModelOptions) -> Any:
         """The model as it was given, with other options."""
@@ -257,7 +275,7 @@ class PlanarModel:
 
     def _start(self, model: Any) -> Any:
         data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:], data.ctrl[:] = self.qpos, self.qvel, self.ctrl
+        data.qpos[:], data.qvel[:], data.ctrl[:] = self.qpos, self.qvel, self._control(0.0)
         return data
 
     def random_states(self, number: int) -> ModelStates:
@@ -267,12 +285,12 @@ class PlanarModel:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         names = ("qpos", "qvel", "qacc", "sites", "mass")
         found: dict[str, list[FloatArray]] = {name: [] for name in names}
-        closed = list[FloatArray]()
+        closed, times = list[FloatArray](), random.choice(self.controls.times, number)
         try:
-            for _ in range(number):
+            for t in times:
                 data.qpos[:] = model.qpos0 + random.uniform(-_FARTHEST, _FARTHEST, model.nq)
                 data.qvel[:] = random.uniform(-_FASTEST, _FASTEST, model.nv)
-                data.ctrl[:] = self.ctrl
+                data.ctrl[:] = self._control(t)
                 mujoco.mj_forward(model, data)
                 for name, values in (("qpos", data.qpos), ("qvel", data.qvel), ("qacc", data.qacc)):
                     found[name].append(np.array(values))
@@ -285,6 +303,7 @@ class PlanarModel:
         inverse = np.linalg.inv(self.rows)
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return ModelStates(
+            t=times,
             q=self.coordinates(qpos),
             u=self.speeds(qvel),
             a=self.speeds(qacc),
@@ -328,7 +347,7 @@ def planar_model(
     *,
     qpos: FloatArray | None = None,
     qvel: FloatArray | None = None,
-    ctrl: FloatArray | None = None,
+    ctrl: FloatArray | ControlRecord | None = None,
     without: Collection[str] = (),
 ) -> PlanarModel:
     """Read a compiled model.
@@ -338,18 +357,22 @@ def planar_model(
         name: of the mechanism.
         qpos: of the start, shape (nq,); `qpos0` if left out.
         qvel: of the start, shape (nv,); at rest if left out.
-        ctrl: constant controls, shape (nu,); zeros if left out.
+        ctrl: controls, constant, shape (nu,), or recorded; zeros if left out.
         without: what to leave out, of :data:`LEAVABLE`; contacts always are.
 
     Raises:
-        InputError: a start is of the wrong length or not finite, or starts beyond a limit.
+        InputError: a start is of the wrong length or not finite, or starts beyond a limit, or the
+            record is of other actuators.
         UnsupportedProblemError: the model does not move in a plane, or has a feature that
             mechanisms have not; the sentence names it.
     """
+    if not isinstance(ctrl, ControlRecord):
+        held = _given("ctrl", ctrl, np.zeros(model.nu))
+        ctrl = ControlRecord(np.zeros(1), held[None, :])
     given = (
         _given("qpos", qpos, np.array(model.qpos0)),
         _given("qvel", qvel, np.zeros(model.nv)),
-        _given("ctrl", ctrl, np.zeros(model.nu)),
+        _in_order(ctrl, model, name),
     )
     unknown = set(without).difference(LEAVABLE)
     if unknown:
@@ -369,6 +392,24 @@ def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray
     if not np.isfinite(values).all():
         raise InputError(f"{what} = {values.tolist()} must be finite.")
     return values
+
+
+def _in_order(record: ControlRecord, model: Any, name: str) -> ControlRecord:
+    """A record with its columns in the order of the model's actuators."""
+    known, columns = [model.actuator(k).name for k in range(model.nu)], record.values.shape[1]
+    if not record.names:
+        if columns == model.nu:
+            return record
+        raise InputError(
+            f"{record.source} has {columns} columns of controls; {name!r} has {model.nu} actuators."
+        )
+    if sorted(record.names) != sorted(known):
+        raise InputError(
+            f"{record.source} has controls of {', '.join(record.names)}; the actuators of {name!r} "
+            f"are {', '.join(known) or 'none'}."
+        )
+    order = [record.names.index(actuator) for actuator in known]
+    return replace(record, values=record.values[:, order], names=tuple(known))
 
 
 def as_name(text: str, otherwise: str) -> str:
@@ -415,7 +456,7 @@ class _Reader:
     name: str
     qpos: FloatArray
     qvel: FloatArray
-    ctrl: FloatArray
+    controls: ControlRecord
     without: frozenset[str]
     given: Any
     """The model as it was given, which stays so."""
@@ -477,7 +518,7 @@ class _Reader:
         )
         return PlanarModel(
             mechanism, self.model, self.given, self.qpos, self.qvel, self.plane, rows, offset,
-            self.ctrl, self.limits, self.sites, self.equalities, tuple(self.left_out),
+            self.controls, self.limits, self.sites, self.equalities, tuple(self.left_out),
         )  # fmt: skip
 
     # --- features
@@ -818,6 +859,22 @@ class _Reader:
         coordinate, sense = self._along(made)
         self.forces.append(SlideSpringDamper(**element, coordinate=coordinate, force=sense * force))
 
+    def _add_record(self, made: _Made, name: str, efforts: FloatArray) -> None:
+        """Add a recorded generalized force on a hinge or slide, each value from its time on."""
+        changed = [0, *(np.flatnonzero(np.diff(efforts)) + 1).tolist()]
+        coordinate, sense = None, self.plane.sense(self._axis(made.joint))
+        if not made.turns:
+            coordinate, sense = self._along(made)
+        self.forces.append(
+            RecordedEffort(
+                name=self.element_names.new(name, ""),
+                **made.between,
+                coordinate=coordinate,
+                times=tuple(self.controls.times[changed].tolist()),
+                efforts=tuple((sense * efforts[changed]).tolist()),
+            )
+        )
+
     def _along(self, made: _Made) -> tuple[str, int]:
         """Coordinate of a slide, and 1 or -1, its sense; that of a free joint is along an axis."""
         axis = self.plane.vector(self._axis(made.joint))
@@ -978,21 +1035,23 @@ class _Reader:
             raise self._lacks(f"the actuator {name!r} has a gain that is not affine")
         if bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
             raise self._lacks(f"the actuator {name!r} has a bias that is not affine")
-        control = float(self.ctrl[k])
+        control = self.controls.values[:, k]
         if model.actuator_ctrllimited[k] and self._is_on("CLAMPCTRL"):
-            control = float(np.clip(control, *model.actuator_ctrlrange[k]))
-        parts = np.array(model.actuator_gainprm[k][:3]) * control
+            control = np.clip(control, *model.actuator_ctrlrange[k])
+        parts: FloatArray = control[:, None] * np.array(model.actuator_gainprm[k][:3])
         if gain == mujoco.mjtGain.mjGAIN_FIXED:
-            parts[1:] = 0.0
+            parts[:, 1:] = 0.0
         if bias == mujoco.mjtBias.mjBIAS_AFFINE:
             parts = parts + model.actuator_biasprm[k][:3]
         if model.actuator_forcelimited[k]:
-            if parts[1:].any():
+            if parts[:, 1:].any():
                 raise self._lacks(f"the actuator {name!r} limits a force that changes")
-            parts[0] = np.clip(parts[0], *model.actuator_forcerange[k])
+            parts[:, 0] = np.clip(parts[:, 0], *model.actuator_forcerange[k])
+        if np.ptp(parts[:, 1:], axis=0).any():
+            raise self._lacks(f"the actuator {name!r} has a stiffness that its control changes")
         if not parts.any():
             return
-        for joint, weight in self._transmission(k, name, alone=bool(parts[1:].any())):
+        for joint, weight in self._transmission(k, name, alone=bool(parts[0, 1:].any())):
             self._add_effort(joint, f"{name} on {self._mujoco_name('joint', joint)}", weight, parts)
 
     def _transmission(self, k: int, name: str, *, alone: bool) -> list[tuple[int, float]]:
@@ -1014,14 +1073,20 @@ class _Reader:
                 raise self._lacks(f"the actuator {name!r} acts on neither joints nor a tendon")
 
     def _add_effort(self, joint: int, name: str, weight: float, parts: FloatArray) -> None:
-        """Add weight * (c0 + c1 l + c2 dl/dt) on a joint, with l = weight * qpos."""
-        constant, slope, rate = (float(c) for c in weight * parts * (1.0, weight, weight))
+        """Add weight * (c0 + c1 l + c2 dl/dt) on a joint, with l = weight * qpos.
+
+        `parts` are c0, c1 and c2 at the times of the controls, shape (m, 3); c1 and c2 stay.
+        """
+        efforts = weight * parts[:, 0]
+        slope, rate = (float(c) for c in weight * weight * parts[0, 1:])
         if slope > 0 or rate > 0:
             raise self._lacks(f"{name!r} has a negative stiffness or damping")
         if slope or rate:
             self._add_spring(self.made[joint], name, abs(slope), abs(rate), 0.0)
-        if constant:
-            self._add_force(self.made[joint], name, constant)
+        if np.ptp(efforts):
+            self._add_record(self.made[joint], name, efforts)
+        elif efforts[0]:
+            self._add_force(self.made[joint], name, float(efforts[0]))
 
 
 def _vector(value: complex) -> Vector:

@@ -177,6 +177,7 @@ _TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
         elements.ConstantTorque: (),
         elements.RotorInertia: (),
         elements.SlideSpringDamper: (),
+        elements.RecordedEffort: (),
     },
 )
 """Fields of elements, besides their points, that depend on their bodies' frames."""

@@ -15,6 +15,7 @@ from pydantic import Field
 from ...models.arrays import FloatArray
 from ...models.elements import (
     CubicTorsionSpring,
+    RecordedEffort,
     RotorInertia,
     SlideSpringDamper,
     TranslationJoint,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     CubicTorsionSpring,
+    RecordedEffort,
     RotorInertia,
     SlideSpringDamper,
     TranslationJoint,

@@ -312,7 +312,9 @@ class Classic:
         rates = np.array([self._task.rates(env, state, self.action, step) for state in states])
         q, u = self._coordinates(states)
         _, a = self._coordinates(rates)
-        return ModelStates(q=q, u=u, a=a, mass=None, gaps={}, markers={}, loops={})
+        return ModelStates(
+            t=np.zeros(len(q)), q=q, u=u, a=a, mass=None, gaps={}, markers={}, loops={}
+        )
 
     def energies(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Energies of the mechanism: the environment tells none [J]."""

@@ -23,6 +23,7 @@ from .free import FreeJoint
 from .pin import PinJoint
 from .point_stop import PointStop
 from .prismatic import PrismaticJoint
+from .recorded_effort import RecordedEffort
 from .rotational_spring_damper import RotationalSpringDamper
 from .rotor_inertia import RotorInertia
 from .slide_spring_damper import SlideSpringDamper
@@ -54,6 +55,7 @@ __all__ = [
     "PinJoint",
     "PointStop",
     "PrismaticJoint",
+    "RecordedEffort",
     "RotationalSpringDamper",
     "RotorInertia",
     "SlideSpringDamper",
@@ -83,6 +85,7 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     ConstantTorque,
     RotorInertia,
     SlideSpringDamper,
+    RecordedEffort,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
 
@@ -112,6 +115,7 @@ AnyForceElement = (
     | CubicTorsionSpring
     | RotorInertia
     | SlideSpringDamper
+    | RecordedEffort
 )
 ForceElement = Annotated[AnyForceElement, Field(discriminator="kind")]
 

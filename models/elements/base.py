@@ -59,6 +59,7 @@ class Feature(StrEnum):
     ROTOR_INERTIA = "rotor inertias"
     SLIDE_SPRING = "springs and dampers along slides"
     TRANSLATION = "translation joints"
+    RECORDED_EFFORT = "recorded efforts"
 
 
 class Geometry(Protocol):
@@ -307,6 +308,15 @@ class BaseForceElement(Spec):
         return type(self).power is not BaseForceElement.power
 
     @property
+    def instants(self) -> tuple[float, ...]:
+        """Times at which its law changes [s]; none of an element whose law is always the same."""
+        return ()
+
+    def at(self, t: float) -> Self:
+        """The element with the law that acts from a time [s] to its next instant."""
+        return self
+
+    @property
     def pushes_along_x(self) -> bool:
         """Tell whether it acts on the mechanism from outside along x."""
         raise NotImplementedError(type(self).__name__)
@@ -384,6 +394,30 @@ class LinearElement(TwoBodyForceElement):
 
     acts_along: ClassVar[Literal["vector", "angle", "point"]] = "angle"
 
+    @property
+    def slide(self) -> str | None:
+        """Name of the slide of the body's joint that it acts along; None: the relative angle."""
+        return None
+
+    @property
+    def pushes_along_x(self) -> bool:
+        """Tell whether it acts on the mechanism from outside: whether it slides on the ground."""
+        return self.slide is not None and GROUND in self.bodies
+
+    def refuse_joint(self, joint: BaseJoint) -> None:
+        if self.slide is None or (self.slide in joint.slides and self.relative_to == joint.parent):
+            return
+        slides = [f"{name!r} on {joint.parent!r}" for name in joint.slides]
+        raise ValueError(
+            f"{self.name!r} acts along {self.slide!r} of {self.body!r} on {self.relative_to!r}; "
+            f"the joint {joint.name!r} has the slides {', '.join(slides) or 'none'}"
+        )
+
+    def direction(self, geometry: Geometry) -> AngleFunction:
+        if self.slide is None:
+            return geometry.angle(self.body, self.relative_to)
+        return geometry.slide(self.slide)
+
     def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """Torque [N m] or force [N] on the body, the opposite on the other one, shape (...,)."""
         raise NotImplementedError(type(self).__name__)
@@ -398,16 +432,17 @@ class LinearElement(TwoBodyForceElement):
     ) -> FloatArray:
         return self.effort(direction, q, u)[..., None] * direction.coefficients
 
+    def body_forces(
+        self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
+    ) -> Iterator[tuple[str, ComplexArray]]:
+        if self.slide is not None:
+            force = self.effort(direction, q, u) * geometry.slide_axis(self.slide, q)
+            yield self.body, force
+            yield self.relative_to, -force
+
 
 class TorqueElement(LinearElement):
     """Base of elements with a torque between two bodies; clockwise positive, as angles are."""
-
-    @property
-    def pushes_along_x(self) -> bool:
-        return False
-
-    def direction(self, geometry: Geometry) -> AngleFunction:
-        return geometry.angle(self.body, self.relative_to)
 
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """Torque on the body, the opposite of that on the other one [N m], shape (...,)."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ..arrays import ComplexArray, FloatArray
+from ..arrays import FloatArray
 from ..functions import AngleFunction
 from ..spec import Name, NonNegative, Real
-from .base import GROUND, BaseJoint, Feature, Geometry, LinearElement
+from .base import Feature, Geometry, LinearElement
 
 
 class SlideSpringDamper(LinearElement):
@@ -39,33 +38,13 @@ class SlideSpringDamper(LinearElement):
         return self.dissipates or self.force != 0
 
     @property
-    def pushes_along_x(self) -> bool:
-        """Tell whether it acts on the mechanism from outside: whether it slides on the ground."""
-        return GROUND in self.bodies
-
-    def refuse_joint(self, joint: BaseJoint) -> None:
-        if self.coordinate not in joint.slides or self.relative_to != joint.parent:
-            slides = [f"{name!r} on {joint.parent!r}" for name in joint.slides]
-            raise ValueError(
-                f"{self.name!r} acts along {self.coordinate!r} of {self.body!r} on "
-                f"{self.relative_to!r}; the joint {joint.name!r} has the slides "
-                f"{', '.join(slides) or 'none'}"
-            )
-
-    def direction(self, geometry: Geometry) -> AngleFunction:
-        return geometry.slide(self.coordinate)
+    def slide(self) -> str:
+        return self.coordinate
 
     def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """Force f0 - k (x - x0) - c v on the body along the slide [N], shape (...,)."""
         spring = self.force - self.stiffness * (along.value(q) - self.rest_position)
         return spring - self.damping * (u @ along.coefficients)
-
-    def body_forces(
-        self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
-    ) -> Iterator[tuple[str, ComplexArray]]:
-        force = self.effort(direction, q, u) * geometry.slide_axis(self.coordinate, q)
-        yield self.body, force
-        yield self.relative_to, -force
 
     def potential_energy(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray

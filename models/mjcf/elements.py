@@ -26,6 +26,7 @@ from ..elements import (
     CubicTorsionSpring,
     ElementTable,
     PointStop,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -501,4 +502,5 @@ FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
         RotorInertia: _ForceWriter(of_joint=_of_hinge),
         SlideSpringDamper: _ForceWriter(of_joint=_of_slide, add_actuator=_add_slide_force),
     },
+    {RecordedEffort: "MJCF has no place for a record of controls"},
 )

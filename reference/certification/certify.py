@@ -71,6 +71,7 @@ _SAFETY = 3.0
 # DOP853: error per step ~ h^8 held at the tolerance, so the whole ~ h^7 goes with tolerance^(7/8).
 _ORDER = 7 / 8
 _ROUNDINGS = 16  # a random walk over some 250 steps
+_SHORTEST = 1e-9  # [s] of a motion to a given end
 _EPS = float(np.finfo(np.float64).eps)
 Progress = Callable[[str, int, int], None]
 """Called before each computation with its name, the number done and the number of all."""
@@ -380,11 +381,17 @@ def certify(
         call: makes each computation; it may do so in another process, and raise SimulationError.
 
     Raises:
-        InputError: the ladder has fewer than two rungs or is not falling.
+        InputError: the ladder has fewer than two rungs or is not falling, or the duration is too
+            short for instants to be told apart.
         SimulationError: a computation failed.
     """
     if len(ladder) < 2 or list(ladder) != sorted(ladder, reverse=True):
         raise InputError(f"ladder = {list(ladder)!r} must hold at least two falling tolerances.")
+    if duration is not None and duration < _SHORTEST:
+        raise InputError(
+            f"duration = {duration!r} s must be at least {_SHORTEST:g} s: events are located to "
+            "1e-13 s."
+        )
     problem, plan = call(partial(_problem, mechanism, duration, stop_law))
     tasks, absent = _tasks(problem, plan, parameters, ladder)
     computations: list[Computation] = []

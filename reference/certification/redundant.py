@@ -248,6 +248,7 @@ _FORCES: ElementTable[str] = ElementTable(
         elements.ConstantTorque: "motors",
         elements.RotorInertia: "rotors",
         elements.SlideSpringDamper: "slides",
+        elements.RecordedEffort: "records",
     },
 )
 
@@ -257,6 +258,26 @@ BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_FORCES.h
 
 def _columns(rows: Sequence[tuple[float, ...]]) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 3).T
+
+
+_Held = list[tuple[elements.RecordedEffort, float]]
+
+
+def _held_efforts(records: Sequence[elements.RecordedEffort]) -> tuple[_Held, _Held]:
+    """Torques, and forces along slides, that records hold.
+
+    Raises:
+        UnsupportedProblemError: one changes over time.
+    """
+    torques, forces = _Held(), _Held()
+    for record in records:
+        if record.instants:
+            raise UnsupportedProblemError(
+                f"the redundant formulation cannot use {record.name!r} ({record.kind}): it changes "
+                "over time."
+            )
+        (torques if record.coordinate is None else forces).append((record, record.efforts[0]))
+    return torques, forces
 
 
 class _AppliedCartesian:
@@ -285,14 +306,20 @@ class _AppliedCartesian:
         twists = [(e.stiffness, e.damping, e.rest_angle) for e in kinds["twists"]]
         cubics = [(e.stiffness, e.cubic_stiffness, e.rest_angle) for e in kinds["cubics"]]
         self._twist_data, self._cubic_data = _columns(twists), _columns(cubics)
+        torques, pulls = _held_efforts(kinds["records"])
         self._torque = np.array([e.torque for e in kinds["motors"]]) @ angles("motors")
+        self._torque += np.array([torque for _, torque in torques]) @ _angle_rows(
+            mechanism, [(e.body, e.relative_to) for e, _ in torques]
+        )
         self._pulled = _Vectors(
             mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
         )
         self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
-        along = [mechanism.slide(e.coordinate) for e in kinds["slides"]]
+        sliding: list[Any] = [*kinds["slides"], *(e for e, _ in pulls)]
+        along = [mechanism.slide(e.coordinate) for e in sliding]
         self._slides = _between_ends(mechanism, [(s.joint, s.direction) for s in along])
         pushes = [(e.stiffness, e.damping, e.rest_position, e.force) for e in kinds["slides"]]
+        pushes += [(0.0, 0.0, 0.0, force) for _, force in pulls]
         self._slide_data = np.array(pushes, dtype=np.float64).reshape(-1, 4).T
         rotors = angles("rotors")
         self.rotors = rotors.T @ (np.array([e.inertia for e in kinds["rotors"]])[:, None] * rotors)

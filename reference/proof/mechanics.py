@@ -11,6 +11,7 @@ from ...models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -195,4 +196,5 @@ _ELEMENTS: ElementTable[_Element] = ElementTable(
         RotorInertia: _Element(_no_energy, _no_forces, _rotor_energy),
         SlideSpringDamper: _Element(_slide_energy, _slide_forces, _no_energy),
     },
+    {RecordedEffort: "a record of efforts changes over time"},
 )

@@ -30,6 +30,7 @@ from ...models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -234,6 +235,7 @@ _TERMS: ElementTable[_AddTerms] = ElementTable(
         RotorInertia: _twist(lambda e, _: (0.0, 0.0, 0.0, 0.0, 0.0, e.inertia)),
         SlideSpringDamper: _along_slide,
     },
+    {RecordedEffort: "a record of efforts changes over time"},
 )
 
 

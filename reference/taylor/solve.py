@@ -321,7 +321,8 @@ class _Integration:
             self.segments[-1] = replace(self.segments[-1], end=end)
         else:
             dense = _TaylorOutput(2 * self.n_q, self.real)
-            self.segments.append(Segment(self.initial.closed, start, end, cast("Any", dense)))
+            held = self.equations, self.initial.closed
+            self.segments.append(Segment(*held, start, end, cast("Any", dense)))
         dense.add(start, times, states)
 
     def _while_opening(self) -> int | None:

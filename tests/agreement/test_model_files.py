@@ -15,6 +15,7 @@ import trebucheck as tb
 from model_files import RandomModel
 from trebucheck.comparisons.runs.model_files import largest_difference, read_model_file
 from trebucheck.engines.study import ModelStart
+from trebucheck.models.controls import ControlRecord
 from trebucheck.models.elements import SlideSpringDamper
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.reference.equations import Equations
@@ -80,7 +81,7 @@ def test_random_models_move_as_they_do(seed: int) -> None:
     model = read.model
     model.opt.integrator, model.opt.timestep = MODEL.mjtIntegrator.mjINT_RK4, 2.5e-4
     data = MODEL.MjData(model)
-    data.qpos[:], data.ctrl[:] = model.qpos0, read.ctrl
+    data.qpos[:], data.ctrl[:] = model.qpos0, read.controls.values[0]
     for _ in range(1000):
         MODEL.mj_step(model, data)
     solution = solve(tb.Problem(read.mechanism, duration=duration))
@@ -375,3 +376,110 @@ def test_a_urdf_is_read(tmp_path: Path) -> None:
     mechanism = tb.from_mjcf(path)
     assert mechanism.coordinates == ("shoulder",)
     assert mechanism.bodies[0].mass == 2.0
+
+
+ARM = """
+<mujoco model="arm">
+  <option timestep="0.01" integrator="RK4"/>
+  <worldbody>
+    <body name="cart">
+      <joint name="rail" type="slide" axis="-1 0 0" damping="0.2"/>
+      <geom type="sphere" size="0.1" mass="1" contype="0" conaffinity="0"/>
+      <body name="rod" pos="0 0 0.1">
+        <joint name="hinge" axis="0 -1 0" damping="0.05" ref="0.2"/>
+        <geom type="capsule" fromto="0 0 0 0.2 0 0.7" size="0.03" mass="0.5" contype="0"
+              conaffinity="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="both"><joint joint="rail" coef="0.5"/><joint joint="hinge" coef="-2"/></fixed>
+  </tendon>
+  <actuator>
+    <motor name="push" joint="rail" gear="-3" ctrllimited="true" ctrlrange="-1 1"/>
+    <position name="servo" joint="hinge" gear="1.5" kp="4" kv="0.3"/>
+    <motor name="pull" tendon="both" gear="0.8" forcelimited="true" forcerange="-0.4 0.4"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def recorded(seed: int = 3) -> ControlRecord:
+    """Controls of the arm, some beyond their ranges, at unequal times."""
+    rng = np.random.default_rng(seed)
+    times = np.concatenate([[0.0], 0.02 * np.sort(rng.choice(np.arange(1, 50), 20, replace=False))])
+    return ControlRecord(times, rng.uniform(-1.5, 1.5, (21, 3)))
+
+
+def test_recorded_controls_move_the_mechanism_as_they_move_the_file() -> None:
+    """RK4's error falls by 2^4 with half the step, and its limit is the reference."""
+    start = ModelStart(ctrl=recorded(), qpos=[0.1, 0.5])
+    read: Any = read_model_file(ARM, start)
+    reference = tb.solve(read.mechanism, 1.0, stop_law="unilateral").q(np.linspace(0, 1, 101))
+    found = list[Any]()
+    for every in (2, 4, 8):
+        options = dataclasses.replace(read.options, timestep=0.01 / every)
+        found.append(read.moved(1.0, options).q[::every] - reference)
+    coarse, middle, fine = (float(np.abs(error).max()) for error in found)
+    assert coarse / middle == pytest.approx(16, rel=0.2)
+    assert middle / fine == pytest.approx(16, rel=0.2)
+    assert float(np.abs(found[2] + (found[2] - found[1]) / 15).max()) < 1e-9
+
+
+def test_controls_are_read_from_files_by_the_names_of_their_actuators(tmp_path: Path) -> None:
+    record = recorded()
+    record.save(tmp_path / "controls.npz")
+    lines = ["t,pull,push,servo"]
+    for t, (push, servo, pull) in zip(record.times.tolist(), record.values.tolist(), strict=True):
+        lines.append(f"{t!r},{pull!r},{push!r},{servo!r}")
+    (tmp_path / "controls.csv").write_text("\n".join(lines))
+    expected = tb.from_mjcf(ARM, ctrl=record)
+    for name in ("controls.npz", "controls.csv"):
+        assert tb.from_mjcf(ARM, ctrl=tmp_path / name) == expected
+
+
+def test_a_record_that_never_changes_is_a_constant_control() -> None:
+    held = ControlRecord(np.array([0.0, 0.5]), np.full((2, 3), 0.3))
+    assert tb.from_mjcf(ARM, ctrl=held) == tb.from_mjcf(ARM, ctrl=[0.3, 0.3, 0.3])
+
+
+def test_an_audit_replays_controls(tmp_path: Path) -> None:
+    recorded().save(tmp_path / "controls.npz")
+    found = tb.audit(ARM, 0.5, ctrl=tmp_path / "controls.npz", engines=("exudyn",))
+    assert found.given.error is not None and found.given.error < 1e-4
+    assert found.engines[0].message and "recorded" in found.engines[0].message
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("t,push,servo\n0,1,2\n", "actuators of 'arm' are push, servo, pull"),
+        ("t,push,servo,grip\n0,1,2,3\n", "grip"),
+        ("t,push,servo,pull\n0,1,2\n", "row 2"),
+        ("t,push,servo,pull\n0,1,2,x\n", "'x'"),
+        ("t,push,servo,pull\n0,1,2,nan\n", "nan"),
+        ("t,push,servo,pull\n0.1,1,2,3\n", "0.1"),
+        ("t,push,servo,pull\n0,1,2,3\n0,1,2,3\n", "0.0 s follows"),
+        ("t,push,servo,pull\n", "shape"),
+        ("push,servo,pull\n1,2,3\n", "first line"),
+        ("", "first line"),
+    ],
+)
+def test_a_file_of_controls_that_is_none_is_refused(
+    content: str, message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "controls.csv"
+    path.write_text(content)
+    with pytest.raises(tb.InputError) as raised:
+        tb.from_mjcf(ARM, ctrl=path)
+    assert message in str(raised.value) and "controls.csv" in str(raised.value)
+
+
+def test_an_archive_that_holds_no_controls_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04 not an archive")
+    np.savez(tmp_path / "other.npz", t=np.zeros(1))
+    np.savez(tmp_path / "few.npz", t=np.zeros(1), ctrl=np.zeros((1, 2)))
+    for name, message in (("broken", "no NPZ"), ("other", "'ctrl'"), ("few", "3 actuators")):
+        with pytest.raises(tb.InputError) as raised:
+            tb.from_mjcf(ARM, ctrl=tmp_path / f"{name}.npz")
+        assert message in str(raised.value)

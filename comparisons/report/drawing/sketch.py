@@ -35,6 +35,7 @@ from ....models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -474,9 +475,18 @@ def _add_force(sketch: Sketch, element: ConstantForce) -> None:
 def _add_torque(sketch: Sketch, element: ConstantTorque) -> None:
     """An arc with a head."""
     if element.torque:
-        centre, *_ = _directions(sketch, element)
-        sweep = math.copysign(4.4, element.torque)
-        sketch.add("turn", "load", (centre,), 5 * sketch.unit, ((sweep, 0.0),))
+        _add_turn(sketch, element, element.torque)
+
+
+def _add_record(sketch: Sketch, element: RecordedEffort) -> None:
+    """As the torque of the start; along a slide nothing, as its size and sense change."""
+    if element.slide is None and any(element.efforts):
+        _add_turn(sketch, element, element.efforts[0])
+
+
+def _add_turn(sketch: Sketch, element: ConstantTorque | RecordedEffort, torque: float) -> None:
+    centre, *_ = _directions(sketch, element)
+    sketch.add("turn", "load", (centre,), 5 * sketch.unit, ((math.copysign(4.4, torque), 0.0),))
 
 
 def _add_torsion_spring(
@@ -510,7 +520,8 @@ def _add_rotor(sketch: Sketch, element: RotorInertia) -> None:
 
 
 def _directions(
-    sketch: Sketch, element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque
+    sketch: Sketch,
+    element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque | RecordedEffort,
 ) -> tuple[int, int, int]:
     """Find where two bodies turn against each other, and a point along each frame's x axis."""
     pivot = sketch.hinge(element.body, element.relative_to)
@@ -570,6 +581,7 @@ FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
         ConstantTorque: _add_torque,
         RotorInertia: _add_rotor,
         SlideSpringDamper: _add_slide_spring,
+        RecordedEffort: _add_record,
     },
 )
 

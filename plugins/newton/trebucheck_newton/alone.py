@@ -27,6 +27,7 @@ from trebucheck.models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -59,6 +60,7 @@ _BUILT: ElementTable[str] = ElementTable(
         CubicTorsionSpring: "our adapter builds linear springs alone",
         RotorInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
+        RecordedEffort: "our adapter follows no record of efforts",
     },
 )
 

@@ -30,6 +30,7 @@ from trebucheck.models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -150,5 +151,6 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
         CubicTorsionSpring: "its springs are linear",
         RotorInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
+        RecordedEffort: "our adapter follows no record of efforts",
     },
 )

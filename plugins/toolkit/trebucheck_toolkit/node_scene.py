@@ -29,6 +29,7 @@ from trebucheck.models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
+    RecordedEffort,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -229,5 +230,6 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], Json]] = ElementTable(
         CubicTorsionSpring: "its springs are linear",
         RotorInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
+        RecordedEffort: "our adapter follows no record of efforts",
     },
 )

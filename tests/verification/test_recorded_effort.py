@@ -1,0 +1,180 @@
+"""Recorded efforts: closed forms between instants, stops that open at one, and who refuses them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import pin
+from trebucheck.models.applied_forces import AppliedForces
+from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.mjcf.writer import mjcf
+from trebucheck.reference.certification.redundant import solve_redundant
+from trebucheck.reference.solver import solve
+from trebucheck.reference.taylor.solve import solve_taylor
+
+MASS, INERTIA, GRAVITY = 2.5, 0.4, 9.81
+INSTANTS, EFFORTS = (0.0, 0.25, 0.4, 1.1), (3.0, -7.0, 0.0, 2.0)
+TIMES = np.linspace(0.0, 1.5, 61)
+
+
+def record(**changes: Any) -> tb.RecordedEffort:
+    """A torque on the wheel, or a force on the cart."""
+    fields: dict[str, Any] = {"name": "motor", "body": "wheel", "times": INSTANTS}
+    return tb.RecordedEffort(**(fields | {"efforts": EFFORTS} | changes))
+
+
+def wheel(**changes: Any) -> tb.Mechanism:
+    """A balanced wheel on a pin."""
+    fields: dict[str, Any] = {
+        "name": "wheel",
+        "bodies": (tb.Body(name="wheel", angle="a", mass=MASS, centre=(0, 0), inertia=INERTIA),),
+        "joints": (pin("hinge", "ground", "wheel", (0.0, 0.0)),),
+        "force_elements": (record(),),
+        "gravity": GRAVITY,
+        "start": (0.3,),
+        "start_speeds": (0.5,),
+    }
+    return tb.Mechanism(**(fields | changes))
+
+
+def cart() -> tb.Mechanism:
+    """A cart on a rail, with a rod that hangs from it."""
+    return tb.Mechanism(
+        name="cart",
+        bodies=(
+            tb.Body(name="cart", mass=MASS, centre=(0, 0), inertia=0.1),
+            tb.Body(name="rod", angle="b", mass=1.0, centre=(0.0, -0.5), inertia=0.08),
+        ),
+        joints=(
+            tb.PrismaticJoint(
+                name="rail", child="cart", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0),
+                coordinate="s",
+            ),
+            pin("hinge", "cart", "rod", (0.0, 0.0)),
+        ),
+        force_elements=(record(body="cart", coordinate="s"), record(name="hip", body="rod")),
+        gravity=GRAVITY,
+        start=(0.4, 0.1),
+    )  # fmt: skip
+
+
+def summed(times: np.ndarray[Any, Any], order: int) -> np.ndarray[Any, Any]:
+    """The record's integral over time, once or twice."""
+    steps = np.diff(np.array(EFFORTS), prepend=0.0)
+    since = np.maximum(times[:, None] - np.array(INSTANTS), 0.0)
+    return (steps * since**order / order).sum(axis=1)
+
+
+def test_a_wheel_turns_as_its_record_says() -> None:
+    motion = solve(tb.Problem(wheel(), 1.5)).motion(TIMES)
+    speed = 0.5 + summed(TIMES, 1) / INERTIA
+    angle = 0.3 + 0.5 * TIMES + summed(TIMES, 2) / INERTIA
+    assert np.abs(motion.u[:, 0] - speed).max() < 1e-12
+    assert np.abs(motion.q[:, 0] - angle).max() < 1e-12
+    held = np.array(EFFORTS)[np.searchsorted(INSTANTS, TIMES, side="right") - 1]
+    assert np.abs(motion.a[:, 0] - held / INERTIA).max() < 1e-11
+
+
+def test_momentum_along_a_rail_is_the_record_s_impulse() -> None:
+    mechanism = cart()
+    solution = solve(tb.Problem(mechanism, 1.5))
+    motion, kinematics = solution.motion(TIMES), Kinematics(mechanism)
+    momentum = np.zeros(len(TIMES))
+    for body in mechanism.bodies:
+        centre = kinematics.point(body.name, body.centre)
+        momentum += body.mass * kinematics.velocity(centre, motion.q, motion.u)[:, 0]
+    assert np.abs(momentum - summed(TIMES, 1)).max() < 1e-11
+    # The rail holds nothing along itself: the record's force is taken off.
+    assert np.abs(solution.joint_reactions(motion)["rail"][:, 0]).max() < 1e-10
+
+
+def test_each_stage_is_that_of_a_constant_effort_by_the_second_formulation() -> None:
+    mechanism = cart()
+    solution = solve(tb.Problem(mechanism, 1.5))
+    for begin, end in zip(INSTANTS, (*INSTANTS[1:], 1.5), strict=True):
+        first, last = (solution.motion(np.array([t])) for t in (begin, end))
+        start: dict[str, Any] = {
+            "start": tuple(first.q[0].tolist()), "start_speeds": tuple(first.u[0].tolist())
+        }  # fmt: skip
+        stage = mechanism.at(begin).model_copy(update=start)
+        other = solve_redundant(tb.Problem(stage, end - begin))
+        q, u = other.state(end - begin)
+        assert q == pytest.approx(last.q[0], abs=1e-11)
+        assert u == pytest.approx(last.u[0], abs=1e-11)
+
+
+def test_a_stop_opens_at_the_instant_at_which_its_torque_changes_its_sign() -> None:
+    stop = tb.Stop(name="rest", body="wheel", sense=1, limit=0.3, closed=True)
+    pressed = wheel(
+        stops=(stop,),
+        start_speeds=(),
+        force_elements=(record(times=(0.0, 0.4), efforts=(-3.0, 5.0)),),
+    )
+    solution = solve(tb.Problem(pressed, 1.0, stop_law=tb.StopLaw.UNILATERAL))
+    assert solution.release_times["rest"] == 0.4
+    motion = solution.motion(np.array([0.2, 0.4, 1.0]))
+    assert motion.stop_torques["rest"] == pytest.approx([3.0, 0.0, 0.0], abs=1e-12)
+    assert motion.q[-1, 0] == pytest.approx(0.3 + 0.5 * 5.0 / INERTIA * 0.6**2, abs=1e-12)
+
+
+def test_an_instant_that_changes_nothing_leaves_the_motion() -> None:
+    constant = cart().model_copy(
+        update={"force_elements": (record(times=(0.0,), efforts=(2.0,), name="hip", body="rod"),)}
+    )
+    cut = cart().model_copy(
+        update={
+            "force_elements": (
+                record(times=(0.0, 0.6, 0.9), efforts=(2.0, 2.0, 2.0), name="hip", body="rod"),
+            )
+        }
+    )
+    one, other = (solve(tb.Problem(each, 1.5)).motion(TIMES).q for each in (constant, cut))
+    assert np.abs(one - other).max() < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"times": (0.0, 0.3)}, "2 times for 4 efforts"),
+        ({"times": (0.1, 0.2, 0.3, 0.4)}, "0.1"),
+        ({"times": (0.0, 0.3, 0.2, 0.4)}, "0.2"),
+        ({"times": (0.0, float("nan"), 0.2, 0.4)}, "times"),
+        ({"times": (), "efforts": ()}, "times"),
+    ],
+)
+def test_a_record_that_is_none_is_refused(changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(tb.InputError, match=r"motor|times") as raised:
+        record(**changes)
+    assert named in str(raised.value)
+
+
+def test_a_slide_that_the_joint_has_not_is_refused() -> None:
+    with pytest.raises(tb.InputError, match="'s'"):
+        wheel(force_elements=(record(coordinate="s"),))
+
+
+def test_who_follows_no_record_refuses_it_by_its_name() -> None:
+    mechanism = wheel()
+    problem = tb.Problem(mechanism, 1.5)
+    q, u = np.zeros((2, 1)), np.zeros((2, 1))
+    for computed in (
+        lambda: AppliedForces(Kinematics(mechanism)).generalized(q, u),
+        lambda: AppliedForces(Kinematics(mechanism)).power(q, u),
+        lambda: solve_taylor(problem),
+        lambda: solve_redundant(problem),
+        lambda: mjcf(mechanism),
+        lambda: tb.prove(problem, until=0.5),
+        lambda: tb.engine("pymunk").simulate(problem),
+        lambda: tb.engine("exudyn").simulate(problem),
+    ):
+        with pytest.raises(tb.UnsupportedProblemError, match=r"motor|recorded"):
+            computed()
+
+
+def test_it_comes_back_from_json() -> None:
+    mechanism = wheel()
+    read = tb.Mechanism.model_validate_json(mechanism.model_dump_json())
+    assert read == mechanism and read.content_hash == mechanism.content_hash
