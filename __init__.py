@@ -38,6 +38,7 @@ _PUBLIC = {
     "comparisons.mjcf": "mjcf",
     "comparisons.prove": "prove",
     "comparisons.recommend": "recommend",
+    "comparisons.rollout": "rollout",
     "comparisons.runs.model_files": "from_mjcf",
     "comparisons.runs.study": "cluster",
     "conformance.check": "check",
@@ -46,7 +47,7 @@ _PUBLIC = {
     "models.errors": "EngineNotInstalledError InputError SimulationError TrebucheckError "
     "UnsupportedProblemError",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
-    "PointStop PrismaticJoint RecordedEffort RotationalSpringDamper RotorInertia "
+    "PointStop PrismaticJoint RecordedForce RecordedTorque RotationalSpringDamper RotorInertia "
     "SlideSpringDamper SlotJoint SpringDamper Stop TranslationJoint WeldJoint",
     "models.library.registry": "model problem problems",
     "models.launch": "Launch",

@@ -13,6 +13,7 @@ from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
 from .comparisons.prove import prove
 from .comparisons.recommend import recommend
+from .comparisons.rollout import rollout
 from .comparisons.runs.model_files import from_mjcf
 from .comparisons.runs.study import cluster
 from .conformance.check import check
@@ -26,7 +27,8 @@ from .models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -87,7 +89,8 @@ __all__ = [
     "PointStop",
     "PrismaticJoint",
     "Problem",
-    "RecordedEffort",
+    "RecordedForce",
+    "RecordedTorque",
     "RotationalSpringDamper",
     "RotorInertia",
     "SimulationError",
@@ -134,6 +137,7 @@ __all__ = [
     "prove",
     "recommend",
     "rolling",
+    "rollout",
     "sensitivities",
     "solve",
     "throw",

@@ -104,9 +104,14 @@ def judge_command(call: Call) -> bool:
 
 
 @command(
-    "file until accuracy keyframe qpos qvel ctrl without engines quiet json",
+    "file rollout until accuracy keyframe qpos qvel ctrl without engines quiet json",
     folder("audit", "Folder for audit.html and audit.json."),
-    file=argument("MJCF or URDF file of a model that moves in a plane.", Path),
+    file=argument("MJCF or URDF file of a model that moves in a plane.", Path | None, None),
+    rollout=option(
+        "--rollout",
+        "Environment in place of a file, gymnasium:ID or dm_control:DOMAIN-TASK: an episode with "
+        "random actions is recorded, its controls into controls.npz, and replayed.",
+    ),
     until=option("--until", "End of what is compared (s).", float, 5.0),
     accuracy=option(
         "--accuracy",
@@ -122,16 +127,30 @@ def audit_command(call: Call) -> None:
     against the reference motion of the mechanism in it, up to the first contact or as long as that
     is known. Ends with the cheapest option that holds an accuracy, ready to paste.
 
-    Example: trebucheck audit cartpole.xml --qpos 0,0.1
+    Examples:
+    trebucheck audit cartpole.xml --qpos 0,0.1
+
+    trebucheck audit arm.xml --ctrl controls.csv
+
+    trebucheck audit --rollout gymnasium:InvertedPendulum-v5
     """
     from ..comparisons.audit import audit
     from ..comparisons.report.pages.audit import document
+    from ..comparisons.rollout import rollout
     from ..models.files import refuse_unwritable
 
+    if (call.file is None) is (call.rollout is None):
+        raise InputError(
+            f"FILE = {str(call.file)!r} and --rollout = {call.rollout!r}: one of them is needed, "
+            "and not both."
+        )
     refuse_unwritable(call.out)
+    source = call.file
+    if call.rollout is not None:
+        source = rollout(call.rollout, call.until)
     with call.progress(width=24) as show:
         found = audit(
-            call.file,
+            source,
             call.until,
             accuracy=call.accuracy,
             **call.model_start(),
@@ -139,6 +158,8 @@ def audit_command(call: Call) -> None:
             progress=show,
         )
     found = found.made_by(call.command_line)
+    if call.rollout is not None:
+        source.controls.save(call.out / "controls.npz")
     call.publish("audit.json", found.to_json(), document(found), "audit.html", "Page")
 
 

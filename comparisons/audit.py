@@ -8,6 +8,7 @@ first contact, or as long as the reference is known. So are other engines' motio
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -28,6 +29,7 @@ from ..models.problem import StopLaw
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
 from ..models.trajectory import Provenance, Trajectory
+from .rollout import Rollout
 from .runs.metrics import compared_points
 from .runs.model_files import controls_of, largest_difference, read_model_file
 from .runs.process import Worker
@@ -255,7 +257,8 @@ def audit(
         >>> tb.audit("cartpole.xml", qpos=[0.0, 0.1]).given.leaves  # doctest: +SKIP
 
     Args:
-        source: as of :func:`.runs.model_files.from_mjcf`, or a
+        source: as of :func:`.runs.model_files.from_mjcf`; an episode of an environment
+            (:func:`.rollout.rollout`), whose start and controls these are then; or a
             :class:`..engines.study.ModelFile` of another simulator.
         until: end of what is compared [s]; a contact may come first, or a time beyond which small
             errors have grown so much that the reference itself is not known.
@@ -282,6 +285,12 @@ def audit(
         if start != ModelStart():
             raise InputError(f"{source.mechanism.name!r} has a start of its own; give no other.")
         read, shown = source, f"{source.mechanism.name} of {source.engine}"
+    elif isinstance(source, Rollout):
+        if replace(start, without=()) != ModelStart():
+            raise InputError(f"{source.name} has a start and controls of its own; give no other.")
+        qpos, qvel = source.qpos.tolist(), source.qvel.tolist()
+        episode = ModelStart(None, qpos, qvel, source.controls, without)
+        read, shown = read_model_file(source.model, episode), f"an episode of {source.name}"
     else:
         read = read_model_file(source, start)
         name = str(source) if isinstance(source, str | Path) else "a compiled model"

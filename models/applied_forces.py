@@ -19,7 +19,8 @@ from .elements import (
     ConstantForce,
     ConstantTorque,
     CubicTorsionSpring,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -34,7 +35,8 @@ _Linear = (
     | ConstantTorque
     | RotorInertia
     | SlideSpringDamper
-    | RecordedEffort
+    | RecordedForce
+    | RecordedTorque
 )
 
 

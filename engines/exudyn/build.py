@@ -521,6 +521,7 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",
-        elements.RecordedEffort: "our adapter follows no record of efforts",
+        elements.RecordedForce: "our adapter follows no record of efforts",
+        elements.RecordedTorque: "our adapter follows no record of efforts",
     },
 )

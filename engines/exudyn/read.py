@@ -358,7 +358,8 @@ ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
         elements.ConstantTorque: _no_energy,
         elements.RotorInertia: _no_energy,
         elements.SlideSpringDamper: _quadratic_energy,
-        elements.RecordedEffort: _no_energy,
+        elements.RecordedForce: _no_energy,
+        elements.RecordedTorque: _no_energy,
     },
 )
 """Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""

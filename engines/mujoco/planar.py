@@ -32,7 +32,8 @@ from ...models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -862,18 +863,19 @@ class _Reader:
     def _add_record(self, made: _Made, name: str, efforts: FloatArray) -> None:
         """Add a recorded generalized force on a hinge or slide, each value from its time on."""
         changed = [0, *(np.flatnonzero(np.diff(efforts)) + 1).tolist()]
-        coordinate, sense = None, self.plane.sense(self._axis(made.joint))
-        if not made.turns:
-            coordinate, sense = self._along(made)
-        self.forces.append(
-            RecordedEffort(
-                name=self.element_names.new(name, ""),
-                **made.between,
-                coordinate=coordinate,
-                times=tuple(self.controls.times[changed].tolist()),
-                efforts=tuple((sense * efforts[changed]).tolist()),
-            )
-        )
+        record: dict[str, Any] = {
+            "name": self.element_names.new(name, ""),
+            **made.between,
+            "times": self.controls.times[changed].tolist(),
+        }
+        if made.turns:
+            sense = self.plane.sense(self._axis(made.joint))
+            torques = (sense * efforts[changed]).tolist()
+            self.forces.append(RecordedTorque(**record, torques=torques))
+            return
+        coordinate, sense = self._along(made)
+        forces = (sense * efforts[changed]).tolist()
+        self.forces.append(RecordedForce(**record, coordinate=coordinate, forces=forces))
 
     def _along(self, made: _Made) -> tuple[str, int]:
         """Coordinate of a slide, and 1 or -1, its sense; that of a free joint is along an axis."""

@@ -75,7 +75,8 @@ TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
         elements.ConstantTorque: lambda: True,
         elements.RotorInertia: lambda: True,
         elements.SlideSpringDamper: lambda: False,  # forces of joints are not
-        elements.RecordedEffort: lambda: False,
+        elements.RecordedForce: lambda: False,
+        elements.RecordedTorque: lambda: False,
     },
 )
 """Whether a `force` sensor takes off what an element does to the bodies beyond its joint."""

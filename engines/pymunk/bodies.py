@@ -177,7 +177,8 @@ _TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
         elements.ConstantTorque: (),
         elements.RotorInertia: (),
         elements.SlideSpringDamper: (),
-        elements.RecordedEffort: (),
+        elements.RecordedForce: (),
+        elements.RecordedTorque: (),
     },
 )
 """Fields of elements, besides their points, that depend on their bodies' frames."""

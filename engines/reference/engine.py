@@ -15,7 +15,8 @@ from pydantic import Field
 from ...models.arrays import FloatArray
 from ...models.elements import (
     CubicTorsionSpring,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotorInertia,
     SlideSpringDamper,
     TranslationJoint,
@@ -38,7 +39,8 @@ if TYPE_CHECKING:
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     CubicTorsionSpring,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotorInertia,
     SlideSpringDamper,
     TranslationJoint,

@@ -23,7 +23,7 @@ from .free import FreeJoint
 from .pin import PinJoint
 from .point_stop import PointStop
 from .prismatic import PrismaticJoint
-from .recorded_effort import RecordedEffort
+from .recorded_effort import RecordedForce, RecordedTorque
 from .rotational_spring_damper import RotationalSpringDamper
 from .rotor_inertia import RotorInertia
 from .slide_spring_damper import SlideSpringDamper
@@ -55,7 +55,8 @@ __all__ = [
     "PinJoint",
     "PointStop",
     "PrismaticJoint",
-    "RecordedEffort",
+    "RecordedForce",
+    "RecordedTorque",
     "RotationalSpringDamper",
     "RotorInertia",
     "SlideSpringDamper",
@@ -85,7 +86,8 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     ConstantTorque,
     RotorInertia,
     SlideSpringDamper,
-    RecordedEffort,
+    RecordedTorque,
+    RecordedForce,
 )
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
 
@@ -115,7 +117,8 @@ AnyForceElement = (
     | CubicTorsionSpring
     | RotorInertia
     | SlideSpringDamper
-    | RecordedEffort
+    | RecordedTorque
+    | RecordedForce
 )
 ForceElement = Annotated[AnyForceElement, Field(discriminator="kind")]
 

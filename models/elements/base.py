@@ -59,7 +59,8 @@ class Feature(StrEnum):
     ROTOR_INERTIA = "rotor inertias"
     SLIDE_SPRING = "springs and dampers along slides"
     TRANSLATION = "translation joints"
-    RECORDED_EFFORT = "recorded efforts"
+    RECORDED_TORQUE = "recorded torques"
+    RECORDED_FORCE = "recorded forces along slides"
 
 
 class Geometry(Protocol):

@@ -1,10 +1,10 @@
-"""A torque between two bodies, or a force along a slide, that was recorded over time."""
+"""A torque between two bodies, and a force along a slide, that were recorded over time."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from itertools import pairwise
-from typing import ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -15,34 +15,37 @@ from ..functions import AngleFunction
 from ..spec import Name, Real
 from .base import Feature, Geometry, LinearElement
 
+_ON_BODY = "on the body, the opposite on the other one"
+
 
 class RecordedEffort(LinearElement):
-    """An actuator's torque or force, held from each instant of a record to the next.
+    """Base of actuators whose effort is held from each time of a record to the next.
 
-    With a slide coordinate it is a force along that slide of the body's joint, as of a
-    :class:`.slide_spring_damper.SlideSpringDamper`; without one a torque, clockwise positive. The
-    first value acts from the start, the last one to the end (a zero-order hold, as of a controller
-    that sets a value in each of its periods).
+    The first value acts from the start, the last one to the end: a zero-order hold, as of a
+    controller that sets a value in each of its periods.
     """
 
-    feature: ClassVar[Feature] = Feature.RECORDED_EFFORT
-
-    kind: Literal["recorded-effort"] = "recorded-effort"
-    coordinate: Name | None = Field(
-        default=None, description="name of a slide of the body's joint; none: a torque"
-    )
+    values: ClassVar[Literal["torques", "forces"]]
+    """Name of the field of the efforts."""
     times: tuple[Real, ...] = Field(
         min_length=1, description="ascending from 0, from which each value acts [s]"
     )
-    efforts: tuple[Real, ...] = Field(
-        min_length=1, description="on the body, the opposite on the other one [N m or N]"
-    )
+
+    @classmethod
+    def numbers(cls) -> tuple[str, ...]:
+        """The efforts; the times are a controller's, and exact."""
+        return (cls.values,)
+
+    @property
+    def efforts(self) -> tuple[float, ...]:
+        """Torques [N m] or forces [N], one for each of the times."""
+        return getattr(self, self.values)
 
     @model_validator(mode="after")
     def _is_a_record(self) -> Self:
         if len(self.times) != len(self.efforts):
             raise ValueError(
-                f"{self.name!r} has {len(self.times)} times for {len(self.efforts)} efforts"
+                f"{self.name!r} has {len(self.times)} times for {len(self.efforts)} {self.values}"
             )
         if self.times[0] != 0.0:
             raise ValueError(f"times of {self.name!r} begin at {self.times[0]!r} s, not at 0")
@@ -53,22 +56,14 @@ class RecordedEffort(LinearElement):
                 )
         return self
 
-    @classmethod
-    def numbers(cls) -> tuple[str, ...]:
-        """The efforts; the times are a controller's, and exact."""
-        return ("efforts",)
-
     @property
     def instants(self) -> tuple[float, ...]:
         return self.times[1:]
 
     def at(self, t: float) -> Self:
-        k = bisect_right(self.times, t) - 1
-        return self.model_copy(update={"times": (0.0,), "efforts": (self.efforts[k],)})
-
-    @property
-    def slide(self) -> str | None:
-        return self.coordinate
+        value = self.efforts[bisect_right(self.times, t) - 1]
+        held: dict[str, Any] = {"times": (0.0,), self.values: (value,)}
+        return self.model_copy(update=held)
 
     @property
     def works(self) -> bool:
@@ -96,6 +91,31 @@ class RecordedEffort(LinearElement):
                 return value
             case _:
                 raise UnsupportedProblemError(
-                    f"{self.name!r} ({self.kind}) changes at {len(self.instants)} instants; what "
-                    "is computed here knows no time."
+                    f"{self.name!r} changes at {len(self.instants)} instants; what is computed "
+                    "here knows no time."
                 )
+
+
+class RecordedTorque(RecordedEffort):
+    """A recorded torque between two bodies, clockwise positive."""
+
+    feature: ClassVar[Feature] = Feature.RECORDED_TORQUE
+    values: ClassVar[Literal["torques", "forces"]] = "torques"
+
+    kind: Literal["recorded-torque"] = "recorded-torque"
+    torques: tuple[Real, ...] = Field(min_length=1, description=f"{_ON_BODY} [N m]")
+
+
+class RecordedForce(RecordedEffort):
+    """A recorded force along the slide of a joint of the tree."""
+
+    feature: ClassVar[Feature] = Feature.RECORDED_FORCE
+    values: ClassVar[Literal["torques", "forces"]] = "forces"
+
+    kind: Literal["recorded-force"] = "recorded-force"
+    coordinate: Name = Field(description="name of the slide coordinate of the body's joint")
+    forces: tuple[Real, ...] = Field(min_length=1, description=f"{_ON_BODY}, along the slide [N]")
+
+    @property
+    def slide(self) -> str:
+        return self.coordinate

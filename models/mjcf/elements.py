@@ -26,7 +26,8 @@ from ..elements import (
     CubicTorsionSpring,
     ElementTable,
     PointStop,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -502,5 +503,8 @@ FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
         RotorInertia: _ForceWriter(of_joint=_of_hinge),
         SlideSpringDamper: _ForceWriter(of_joint=_of_slide, add_actuator=_add_slide_force),
     },
-    {RecordedEffort: "MJCF has no place for a record of controls"},
+    {
+        RecordedForce: "MJCF has no place for a record of controls",
+        RecordedTorque: "MJCF has no place for a record of controls",
+    },
 )

@@ -248,7 +248,8 @@ _FORCES: ElementTable[str] = ElementTable(
         elements.ConstantTorque: "motors",
         elements.RotorInertia: "rotors",
         elements.SlideSpringDamper: "slides",
-        elements.RecordedEffort: "records",
+        elements.RecordedTorque: "recorded torques",
+        elements.RecordedForce: "recorded forces",
     },
 )
 
@@ -260,24 +261,20 @@ def _columns(rows: Sequence[tuple[float, ...]]) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 3).T
 
 
-_Held = list[tuple[elements.RecordedEffort, float]]
-
-
-def _held_efforts(records: Sequence[elements.RecordedEffort]) -> tuple[_Held, _Held]:
-    """Torques, and forces along slides, that records hold.
+def _held(record: Any, values: tuple[float, ...]) -> float:
+    """The one value of a record.
 
     Raises:
-        UnsupportedProblemError: one changes over time.
+        UnsupportedProblemError: there are several.
     """
-    torques, forces = _Held(), _Held()
-    for record in records:
-        if record.instants:
+    match values:
+        case (value,):
+            return value
+        case _:
             raise UnsupportedProblemError(
                 f"the redundant formulation cannot use {record.name!r} ({record.kind}): it changes "
                 "over time."
             )
-        (torques if record.coordinate is None else forces).append((record, record.efforts[0]))
-    return torques, forces
 
 
 class _AppliedCartesian:
@@ -306,20 +303,18 @@ class _AppliedCartesian:
         twists = [(e.stiffness, e.damping, e.rest_angle) for e in kinds["twists"]]
         cubics = [(e.stiffness, e.cubic_stiffness, e.rest_angle) for e in kinds["cubics"]]
         self._twist_data, self._cubic_data = _columns(twists), _columns(cubics)
-        torques, pulls = _held_efforts(kinds["records"])
+        torques = [_held(e, e.torques) for e in kinds["recorded torques"]]
         self._torque = np.array([e.torque for e in kinds["motors"]]) @ angles("motors")
-        self._torque += np.array([torque for _, torque in torques]) @ _angle_rows(
-            mechanism, [(e.body, e.relative_to) for e, _ in torques]
-        )
+        self._torque += np.array(torques) @ angles("recorded torques")
         self._pulled = _Vectors(
             mechanism, [((e.body, e.point), (GROUND, (0.0, 0.0))) for e in forces]
         )
         self._pulls = np.array([e.force for e in forces], dtype=np.float64).reshape(-1, 2)
-        sliding: list[Any] = [*kinds["slides"], *(e for e, _ in pulls)]
+        sliding = [*kinds["slides"], *kinds["recorded forces"]]
         along = [mechanism.slide(e.coordinate) for e in sliding]
         self._slides = _between_ends(mechanism, [(s.joint, s.direction) for s in along])
         pushes = [(e.stiffness, e.damping, e.rest_position, e.force) for e in kinds["slides"]]
-        pushes += [(0.0, 0.0, 0.0, force) for _, force in pulls]
+        pushes += [(0.0, 0.0, 0.0, _held(e, e.forces)) for e in kinds["recorded forces"]]
         self._slide_data = np.array(pushes, dtype=np.float64).reshape(-1, 4).T
         rotors = angles("rotors")
         self.rotors = rotors.T @ (np.array([e.inertia for e in kinds["rotors"]])[:, None] * rotors)

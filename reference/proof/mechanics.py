@@ -11,7 +11,8 @@ from ...models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -196,5 +197,8 @@ _ELEMENTS: ElementTable[_Element] = ElementTable(
         RotorInertia: _Element(_no_energy, _no_forces, _rotor_energy),
         SlideSpringDamper: _Element(_slide_energy, _slide_forces, _no_energy),
     },
-    {RecordedEffort: "a record of efforts changes over time"},
+    {
+        RecordedForce: "a record of efforts changes over time",
+        RecordedTorque: "a record of efforts changes over time",
+    },
 )

@@ -30,7 +30,8 @@ from ...models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -235,7 +236,10 @@ _TERMS: ElementTable[_AddTerms] = ElementTable(
         RotorInertia: _twist(lambda e, _: (0.0, 0.0, 0.0, 0.0, 0.0, e.inertia)),
         SlideSpringDamper: _along_slide,
     },
-    {RecordedEffort: "a record of efforts changes over time"},
+    {
+        RecordedForce: "a record of efforts changes over time",
+        RecordedTorque: "a record of efforts changes over time",
+    },
 )
 
 

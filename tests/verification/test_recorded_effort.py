@@ -20,10 +20,16 @@ INSTANTS, EFFORTS = (0.0, 0.25, 0.4, 1.1), (3.0, -7.0, 0.0, 2.0)
 TIMES = np.linspace(0.0, 1.5, 61)
 
 
-def record(**changes: Any) -> tb.RecordedEffort:
-    """A torque on the wheel, or a force on the cart."""
+def record(**changes: Any) -> tb.RecordedTorque:
+    """A torque on the wheel."""
     fields: dict[str, Any] = {"name": "motor", "body": "wheel", "times": INSTANTS}
-    return tb.RecordedEffort(**(fields | {"efforts": EFFORTS} | changes))
+    return tb.RecordedTorque(**(fields | {"torques": EFFORTS} | changes))
+
+
+def push(**changes: Any) -> tb.RecordedForce:
+    """A force on the cart."""
+    fields: dict[str, Any] = {"name": "motor", "body": "cart", "coordinate": "s"}
+    return tb.RecordedForce(**(fields | {"times": INSTANTS, "forces": EFFORTS} | changes))
 
 
 def wheel(**changes: Any) -> tb.Mechanism:
@@ -55,7 +61,7 @@ def cart() -> tb.Mechanism:
             ),
             pin("hinge", "cart", "rod", (0.0, 0.0)),
         ),
-        force_elements=(record(body="cart", coordinate="s"), record(name="hip", body="rod")),
+        force_elements=(push(), record(name="hip", body="rod")),
         gravity=GRAVITY,
         start=(0.4, 0.1),
     )  # fmt: skip
@@ -111,7 +117,7 @@ def test_a_stop_opens_at_the_instant_at_which_its_torque_changes_its_sign() -> N
     pressed = wheel(
         stops=(stop,),
         start_speeds=(),
-        force_elements=(record(times=(0.0, 0.4), efforts=(-3.0, 5.0)),),
+        force_elements=(record(times=(0.0, 0.4), torques=(-3.0, 5.0)),),
     )
     solution = solve(tb.Problem(pressed, 1.0, stop_law=tb.StopLaw.UNILATERAL))
     assert solution.release_times["rest"] == 0.4
@@ -122,12 +128,12 @@ def test_a_stop_opens_at_the_instant_at_which_its_torque_changes_its_sign() -> N
 
 def test_an_instant_that_changes_nothing_leaves_the_motion() -> None:
     constant = cart().model_copy(
-        update={"force_elements": (record(times=(0.0,), efforts=(2.0,), name="hip", body="rod"),)}
+        update={"force_elements": (record(times=(0.0,), torques=(2.0,), name="hip", body="rod"),)}
     )
     cut = cart().model_copy(
         update={
             "force_elements": (
-                record(times=(0.0, 0.6, 0.9), efforts=(2.0, 2.0, 2.0), name="hip", body="rod"),
+                record(times=(0.0, 0.6, 0.9), torques=(2.0, 2.0, 2.0), name="hip", body="rod"),
             )
         }
     )
@@ -138,11 +144,11 @@ def test_an_instant_that_changes_nothing_leaves_the_motion() -> None:
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"times": (0.0, 0.3)}, "2 times for 4 efforts"),
+        ({"times": (0.0, 0.3)}, "2 times for 4 torques"),
         ({"times": (0.1, 0.2, 0.3, 0.4)}, "0.1"),
         ({"times": (0.0, 0.3, 0.2, 0.4)}, "0.2"),
         ({"times": (0.0, float("nan"), 0.2, 0.4)}, "times"),
-        ({"times": (), "efforts": ()}, "times"),
+        ({"times": (), "torques": ()}, "times"),
     ],
 )
 def test_a_record_that_is_none_is_refused(changes: dict[str, Any], named: str) -> None:
@@ -153,7 +159,7 @@ def test_a_record_that_is_none_is_refused(changes: dict[str, Any], named: str) -
 
 def test_a_slide_that_the_joint_has_not_is_refused() -> None:
     with pytest.raises(tb.InputError, match="'s'"):
-        wheel(force_elements=(record(coordinate="s"),))
+        wheel(force_elements=(push(body="wheel"),))
 
 
 def test_who_follows_no_record_refuses_it_by_its_name() -> None:

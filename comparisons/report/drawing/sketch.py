@@ -35,7 +35,8 @@ from ....models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -478,13 +479,17 @@ def _add_torque(sketch: Sketch, element: ConstantTorque) -> None:
         _add_turn(sketch, element, element.torque)
 
 
-def _add_record(sketch: Sketch, element: RecordedEffort) -> None:
-    """As the torque of the start; along a slide nothing, as its size and sense change."""
-    if element.slide is None and any(element.efforts):
-        _add_turn(sketch, element, element.efforts[0])
+def _add_record(sketch: Sketch, element: RecordedTorque) -> None:
+    """As the torque of the start."""
+    if any(element.torques):
+        _add_turn(sketch, element, element.torques[0])
 
 
-def _add_turn(sketch: Sketch, element: ConstantTorque | RecordedEffort, torque: float) -> None:
+def _add_no_symbol(_sketch: Sketch, _element: RecordedForce) -> None:
+    """Nothing: its size and sense change."""
+
+
+def _add_turn(sketch: Sketch, element: ConstantTorque | RecordedTorque, torque: float) -> None:
     centre, *_ = _directions(sketch, element)
     sketch.add("turn", "load", (centre,), 5 * sketch.unit, ((math.copysign(4.4, torque), 0.0),))
 
@@ -521,7 +526,7 @@ def _add_rotor(sketch: Sketch, element: RotorInertia) -> None:
 
 def _directions(
     sketch: Sketch,
-    element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque | RecordedEffort,
+    element: RotationalSpringDamper | CubicTorsionSpring | ConstantTorque | RecordedTorque,
 ) -> tuple[int, int, int]:
     """Find where two bodies turn against each other, and a point along each frame's x axis."""
     pivot = sketch.hinge(element.body, element.relative_to)
@@ -581,7 +586,8 @@ FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
         ConstantTorque: _add_torque,
         RotorInertia: _add_rotor,
         SlideSpringDamper: _add_slide_spring,
-        RecordedEffort: _add_record,
+        RecordedTorque: _add_record,
+        RecordedForce: _add_no_symbol,
     },
 )
 

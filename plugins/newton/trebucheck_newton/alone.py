@@ -27,7 +27,8 @@ from trebucheck.models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -60,7 +61,8 @@ _BUILT: ElementTable[str] = ElementTable(
         CubicTorsionSpring: "our adapter builds linear springs alone",
         RotorInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
-        RecordedEffort: "our adapter follows no record of efforts",
+        RecordedForce: "our adapter follows no record of efforts",
+        RecordedTorque: "our adapter follows no record of efforts",
     },
 )
 

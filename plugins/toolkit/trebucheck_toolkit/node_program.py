@@ -30,7 +30,8 @@ from trebucheck.models.elements import (
     ConstantTorque,
     CubicTorsionSpring,
     ElementTable,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -151,6 +152,7 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
         CubicTorsionSpring: "its springs are linear",
         RotorInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
-        RecordedEffort: "our adapter follows no record of efforts",
+        RecordedForce: "our adapter follows no record of efforts",
+        RecordedTorque: "our adapter follows no record of efforts",
     },
 )

@@ -29,7 +29,8 @@ from trebucheck.models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RecordedEffort,
+    RecordedForce,
+    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
     SlideSpringDamper,
@@ -230,6 +231,7 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], Json]] = ElementTable(
         CubicTorsionSpring: "its springs are linear",
         RotorInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
-        RecordedEffort: "our adapter follows no record of efforts",
+        RecordedForce: "our adapter follows no record of efforts",
+        RecordedTorque: "our adapter follows no record of efforts",
     },
 )

@@ -1,0 +1,154 @@
+"""Controls of an environment of Gymnasium or dm_control, recorded while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..models.arrays import FloatArray
+from ..models.controls import ControlRecord
+from ..models.errors import EngineNotInstalledError, InputError, shortened
+
+Policy = Callable[[Any], Any]
+"""Chooses an action by what was observed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """An episode of an environment: its model, the start, and the controls that were set."""
+
+    name: str
+    model: Any
+    """MuJoCo's compiled model."""
+    qpos: FloatArray
+    """Of the start, shape (nq,)."""
+    qvel: FloatArray
+    """Of the start, shape (nv,)."""
+    controls: ControlRecord
+
+
+def rollout(
+    environment: str | Any, duration: float = 5.0, seed: int = 0, policy: Policy | None = None
+) -> Rollout:
+    """Run an episode and record the controls that it sets.
+
+        >>> import trebucheck as tb
+        >>> episode = tb.rollout("gymnasium:InvertedPendulum-v5", 1.0)  # doctest: +SKIP
+        >>> tb.audit(episode)  # doctest: +SKIP
+
+    Args:
+        environment: `gymnasium:ID` or `dm_control:DOMAIN-TASK`, or such an environment that moves a
+            MuJoCo model.
+        duration: of the episode [s]; it may end before.
+        seed: of the start and of random actions.
+        policy: chooses actions; random ones of the environment's action space if left out.
+
+    Raises:
+        InputError: there is no such environment, or it moves no MuJoCo model, or the duration is
+            not positive.
+        EngineNotInstalledError: its package is not installed.
+    """
+    if not 0.0 < duration < np.inf:
+        raise InputError(f"duration = {duration!r} s must be a positive number.")
+    made = _made(environment, seed) if isinstance(environment, str) else environment
+    episode = _of_dm_control(made, policy) if hasattr(made, "physics") else _of_gym(made, policy)
+    model, data, period = episode.model, episode.data, episode.period
+    episode.reset(seed)
+    qpos, qvel = np.array(data.qpos), np.array(data.qvel)
+    steps, controls = max(1, round(duration / period)), list[FloatArray]()
+    for _ in range(steps):
+        goes_on = episode.step()
+        controls.append(np.array(data.ctrl, dtype=np.float64))
+        if not goes_on:
+            break
+    times = period * np.arange(len(controls), dtype=np.float64)
+    record = ControlRecord(times, np.array(controls), source="the rollout")
+    name = environment if isinstance(environment, str) else type(made).__name__
+    return Rollout(name, model, qpos, qvel, record)
+
+
+@dataclass(frozen=True)
+class _Episode:
+    model: Any
+    data: Any
+    period: float
+    """Time between two actions [s]."""
+    reset: Callable[[int], None]
+    step: Callable[[], bool]
+    """Chooses an action and makes a step; whether the episode goes on."""
+
+
+def _made(name: str, seed: int) -> Any:
+    package, _, rest = name.partition(":")
+    try:
+        match package:
+            case "gymnasium":
+                import gymnasium
+
+                return gymnasium.make(rest)
+            case "dm_control":
+                # Not installed for tests: what it needs has no wheel for every platform
+                from dm_control import suite  # pyright: ignore[reportMissingImports]
+
+                domain, _, task = rest.partition("-")
+                return suite.load(domain, task, task_kwargs={"random": seed})
+            case _:
+                raise InputError(
+                    f"rollout = {name!r} must be gymnasium:ID or dm_control:DOMAIN-TASK, such as "
+                    "gymnasium:Hopper-v5."
+                )
+    except ImportError as error:
+        raise EngineNotInstalledError(f"{name!r} cannot be made: {error}.") from None
+    except InputError:
+        raise
+    except Exception as error:  # of packages of others, each with errors of its own
+        raise InputError(f"there is no environment {name!r}: {shortened(str(error))}.") from None
+
+
+def _of_gym(env: Any, policy: Policy | None) -> _Episode:
+    inner, observed = getattr(env, "unwrapped", env), list[Any]()
+    lacking = [name for name in ("model", "data", "dt") if not hasattr(inner, name)]
+    if lacking:
+        raise InputError(
+            f"the environment {type(inner).__name__} has no {lacking[0]!r}: it moves no model of "
+            "MuJoCo."
+        )
+
+    def reset(seed: int) -> None:
+        observed[:] = [env.reset(seed=seed)[0]]
+        env.action_space.seed(seed)
+
+    def step() -> bool:
+        action = env.action_space.sample() if policy is None else policy(observed[0])
+        observed[0], _, terminated, truncated, _ = env.step(action)
+        return not (terminated or truncated)
+
+    return _Episode(inner.model, inner.data, float(inner.dt), reset, step)
+
+
+def _of_dm_control(env: Any, policy: Policy | None) -> _Episode:
+    observed, spec = list[Any](), env.action_spec()
+    actions = list[Iterator[Any]]()
+
+    def random_actions(seed: int) -> Iterator[Any]:
+        random = np.random.default_rng(seed)
+        while True:
+            low, high = np.maximum(spec.minimum, -1e3), np.minimum(spec.maximum, 1e3)
+            yield random.uniform(low, high, spec.shape)
+
+    def reset(seed: int) -> None:
+        observed[:] = [env.reset().observation]
+        actions[:] = [random_actions(seed)]
+
+    def step() -> bool:
+        action = next(actions[0]) if policy is None else policy(observed[0])
+        made = env.step(action)
+        observed[0] = made.observation
+        return not made.last()
+
+    physics = env.physics
+    period = float(env.control_timestep())
+    return _Episode(physics.model.ptr, physics.data.ptr, period, reset, step)
