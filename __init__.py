@@ -38,14 +38,14 @@ _PUBLIC = {
     "comparisons.mjcf": "mjcf",
     "comparisons.prove": "prove",
     "comparisons.recommend": "recommend",
-    "comparisons.rollout": "rollout",
-    "comparisons.runs.model_files": "from_mjcf",
+    "comparisons.runs.model_files": "from_mjcf rollout",
     "comparisons.runs.study": "cluster",
     "conformance.check": "check",
     "engines.protocol": "Capabilities Engine",
     "engines.registry": "engine engines",
     "models.errors": "EngineNotInstalledError InputError SimulationError TrebucheckError "
     "UnsupportedProblemError",
+    "models.controls": "ControlRecord",
     "models.elements": "ConstantForce ConstantTorque CubicTorsionSpring FreeJoint PinJoint "
     "PointStop PrismaticJoint RecordedForce RecordedTorque RotationalSpringDamper RotorInertia "
     "SlideSpringDamper SlotJoint SpringDamper Stop TranslationJoint WeldJoint",

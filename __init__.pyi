@@ -13,12 +13,12 @@ from .comparisons.matrix import matrix
 from .comparisons.mjcf import mjcf
 from .comparisons.prove import prove
 from .comparisons.recommend import recommend
-from .comparisons.rollout import rollout
-from .comparisons.runs.model_files import from_mjcf
+from .comparisons.runs.model_files import from_mjcf, rollout
 from .comparisons.runs.study import cluster
 from .conformance.check import check
 from .engines.protocol import Capabilities, Engine
 from .engines.registry import engine, engines
+from .models.controls import ControlRecord
 from .models.elements import (
     ConstantForce,
     ConstantTorque,
@@ -75,6 +75,7 @@ __all__ = [
     "CatapultParameters",
     "ConstantForce",
     "ConstantTorque",
+    "ControlRecord",
     "CubicTorsionSpring",
     "Engine",
     "EngineNotInstalledError",

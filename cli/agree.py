@@ -136,7 +136,7 @@ def audit_command(call: Call) -> None:
     """
     from ..comparisons.audit import audit
     from ..comparisons.report.pages.audit import document
-    from ..comparisons.rollout import rollout
+    from ..comparisons.runs.model_files import rollout
     from ..models.files import refuse_unwritable
 
     if (call.file is None) is (call.rollout is None):

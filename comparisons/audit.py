@@ -19,7 +19,7 @@ from pydantic import Field
 
 from ..engines.presets import SETTINGS
 from ..engines.registry import engine, engine_names
-from ..engines.study import GivenRun, ModelFile, ModelOptions, ModelStart
+from ..engines.study import Episode, GivenRun, ModelFile, ModelOptions, ModelStart
 from ..models.arrays import FloatArray
 from ..models.controls import ControlRecord
 from ..models.errors import InputError, SimulationError
@@ -29,7 +29,6 @@ from ..models.problem import StopLaw
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
 from ..models.trajectory import Provenance, Trajectory
-from .rollout import Rollout
 from .runs.metrics import compared_points
 from .runs.model_files import controls_of, largest_difference, read_model_file
 from .runs.process import Worker
@@ -258,7 +257,7 @@ def audit(
 
     Args:
         source: as of :func:`.runs.model_files.from_mjcf`; an episode of an environment
-            (:func:`.rollout.rollout`), whose start and controls these are then; or a
+            (:func:`.runs.model_files.rollout`), whose start and controls these are then; or a
             :class:`..engines.study.ModelFile` of another simulator.
         until: end of what is compared [s]; a contact may come first, or a time beyond which small
             errors have grown so much that the reference itself is not known.
@@ -285,7 +284,7 @@ def audit(
         if start != ModelStart():
             raise InputError(f"{source.mechanism.name!r} has a start of its own; give no other.")
         read, shown = source, f"{source.mechanism.name} of {source.engine}"
-    elif isinstance(source, Rollout):
+    elif isinstance(source, Episode):
         if replace(start, without=()) != ModelStart():
             raise InputError(f"{source.name} has a start and controls of its own; give no other.")
         qpos, qvel = source.qpos.tolist(), source.qvel.tolist()

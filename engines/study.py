@@ -343,6 +343,24 @@ class ModelStart:
     "tendons"."""
 
 
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """An episode of an environment: its model, the start, and the controls that were set."""
+
+    name: str
+    model: Any
+    """Compiled by its engine."""
+    qpos: FloatArray
+    """Positions at the start, in the model's order."""
+    qvel: FloatArray
+    """Velocities at the start."""
+    controls: ControlRecord
+
+
+Policy = Callable[[Any], Any]
+"""Chooses an action by what was observed."""
+
+
 @dataclass(frozen=True)
 class ModelOptions:
     """Options with which a model file is moved."""
@@ -481,6 +499,8 @@ class EngineStudy:
     """How often a time step adds to the state with these options: once, or in each substep."""
     read_model: ReadsModel | None = None
     """Reader of MJCF and URDF files."""
+    record_episode: Callable[[str | Any, float, int, Policy | None], Episode] | None = None
+    """Recorder of an environment's episode: the environment, its duration [s], a seed, a policy."""
     title: str = ""  # as its authors write it; '': its name
     binding: str = ""
     """Distribution by which it is run, and what that is built from, without its version."""

@@ -37,7 +37,7 @@ class ControlRecord:
     names: tuple[str, ...] = ()
     """Names of the actuators, in the order of the columns; none: as in the model."""
     source: str = "the record of controls"
-    """What the sentence of an error begins with."""
+    """Words with which the sentence of an error begins."""
 
     def __post_init__(self) -> None:
         for name in ("times", "values"):

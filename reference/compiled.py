@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -48,6 +48,19 @@ class Added:
     def none(cls, n_q: int) -> Added:
         """Add nothing beside them."""
         return cls(np.zeros(n_q), np.zeros((n_q, n_q)), np.zeros(n_q), np.zeros((n_q, n_q)))
+
+    def plus(self, other: Added) -> Added:
+        """Both, with the rate and the velocity-dependent forces of the other."""
+        return replace(
+            other,
+            constant=self.constant
+            + self.stiffness @ self.relaxed
+            + other.constant
+            + other.stiffness @ other.relaxed,
+            stiffness=self.stiffness + other.stiffness,
+            relaxed=np.zeros_like(self.relaxed),
+            damping=self.damping + other.damping,
+        )
 
     @cached_property
     def arrays(self) -> tuple[Any, ...]:

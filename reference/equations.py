@@ -35,6 +35,7 @@ import numpy as np
 
 from ..models.applied_forces import AppliedForces
 from ..models.arrays import ComplexArray, FloatArray
+from ..models.elements.base import LinearElement
 from ..models.errors import SimulationError
 from ..models.functions import AngleFunction, PointFunction, ScalarFunction
 from ..models.kinematics import Kinematics, immovable_stops
@@ -191,11 +192,11 @@ class Equations:
         return self._constrained(mass, jacobian, forces, right)
 
     def compiled(self, q: FloatArray, closed: Sequence[str]) -> CompiledEquations | None:
-        """The compiled equations; None where there are none, as with force elements."""
+        """The compiled equations; None where there are none, as with forces that are not linear."""
         names = tuple(closed)
         if names not in self._compilations:
             compiled, added = None, self._added()
-            if added is not None and self._applied is None and self.basis(q, names) is None:
+            if added is not None and self.basis(q, names) is None:
                 functions = (*self.kinematics.loop_closures, *(self._gaps[name] for name in names))
                 matrices = self._products, self._weights, self._inertias
                 compiled = compiled_equations(self.kinematics, matrices, added, functions)
@@ -203,8 +204,24 @@ class Equations:
         return self._compilations[names]
 
     def _added(self) -> Added | None:
-        """Forces beside the mechanism's own; None where the equations are of another form."""
-        return Added.none(len(self._angles)) if type(self) is Equations else None
+        """Forces beside gravity's; None where the equations are of another form."""
+        return self._linear_forces() if type(self) is Equations else None
+
+    def _linear_forces(self) -> Added | None:
+        """Forces of the force elements, if all of them are linear in coordinates and speeds."""
+        added, at_zero = Added.none(len(self._angles)), np.zeros(len(self._angles))
+        for element, along in () if self._applied is None else self._applied.terms:
+            if not isinstance(element, LinearElement) or element.linear_law is None:
+                return None
+            stiffness, damping = element.linear_law
+            row = along.coefficients
+            added = replace(
+                added,
+                constant=added.constant + float(element.effort(along, at_zero, at_zero)) * row,
+                stiffness=added.stiffness + stiffness * np.outer(row, row),
+                damping=added.damping + damping * np.outer(row, row),
+            )
+        return added
 
     def response(self, q: FloatArray, force: FloatArray) -> FloatArray:
         """Accelerations (speed jumps) by a generalized force (impulse) alone, with the loop joints.

@@ -45,8 +45,9 @@ class PerturbedEquations(Equations):
         if armature is not None:
             self._inertias = self._inertias + armature
 
-    def _added(self) -> Added:
-        return self._changes
+    def _added(self) -> Added | None:
+        own = self._linear_forces()
+        return None if own is None else own.plus(self._changes)
 
     def _bias(
         self, q: FloatArray, u: FloatArray, rates: ComplexArray, quadratic: ComplexArray

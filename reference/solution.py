@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy.integrate import OdeSolution
@@ -73,7 +74,7 @@ class Solution(Shown):
 
     problem: Problem
     equations: Equations
-    """Of the mechanism; those of a segment may have other forces, if some were recorded."""
+    """The mechanism's; those of a segment may have other forces, if some were recorded."""
     segments: tuple[Segment, ...]
     release_times: Mapping[str, float | None]
     impacts: tuple[tuple[float, dict[str, float]], ...]
@@ -101,6 +102,11 @@ class Solution(Shown):
             if self.problem.mechanism.stop(name).closed:
                 yield f"{name} opens", "not" if time is None else f"{time:.9f} s"
         yield "impacts", str(len(self.impacts))
+
+    def by_other_equations(self, problem: Problem, equations: Equations) -> Self:
+        """The same motion, whose forces and accelerations are read by other equations."""
+        segments = tuple(replace(segment, equations=equations) for segment in self.segments)
+        return replace(self, problem=problem, equations=equations, segments=segments)
 
     def motion(self, t: FloatArray) -> MotionSamples:
         """Compute everything at times t [s], shape (n,); at an event, the state after it.

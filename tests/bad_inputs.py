@@ -214,8 +214,9 @@ _BY_NAME: Mapping[str, Values] = {
     "keyframe": (*WORDS, "7", "-1"),
     "qpos": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400),
     "qvel": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400),
-    "ctrl": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400),
+    "ctrl": ("nan", "1,2,3", "abc", "1,,2", "", "1e400", "1;2", "9" * 400, "no.csv", "no.npz"),
     "without": (*_NAME, "gravity", "limits,gravity"),
+    "rollout": (*_NAME, "gymnasium:", "gymnasium:nosuch-v0", "gymnasium:CartPole-v1", "a:b"),
 }
 
 # Parameters that switch something: they have no values
@@ -324,7 +325,8 @@ _RIGHT: Mapping[tuple[str, str], Values] = {
     ("data", "out"): ("a-file",),
     ("campaign diff", "out"): ("a-file",),
     ("animate", "out"): ("a-file",),
-    ("plugin new", "name"): ("null",),
+    ("models read", "out"): ("a-file",),
+    ("plugin new", "name"): ("null", "nosuch"),
 }
 # What else a parameter needs to be looked at
 _BESIDE: Mapping[tuple[str, str], Mapping[str, str]] = {

@@ -37,13 +37,15 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    # Files that people have are read and audited; three elements, extrema of proofs
-    "lines": 72600,
+    # Files that people have are read and audited, with recorded controls; five elements, extrema of
+    # proofs
+    "lines": 73400,
     # A process that throws machines imports no engine: what it does is a module
-    "modules": 281,
+    "modules": 284,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.
-    # Each of the prover's is one formula; what ends with its parent is for plug-ins, too
-    "modules with one importer": 62,
+    # Each of the prover's is one formula; what ends with its parent is for plug-ins, too; what throws
+    # machines, and what records episodes, import none of what is beside them
+    "modules with one importer": 64,
     "public class names used twice": 1,
     "isinstance on elements": 9,
     "files with isinstance on elements": 7,

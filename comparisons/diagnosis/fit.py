@@ -20,7 +20,7 @@ the motion is fast.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -238,7 +238,7 @@ def _with_equations(case: Case, equations: Equations) -> Solution:
     """The reference's segments under other equations, to read states by."""
     changed = {"mechanism": equations.mechanism}
     problem = case.solution.problem.model_copy(update=changed)
-    return replace(case.solution, problem=problem, equations=equations)
+    return case.solution.by_other_equations(problem, equations)
 
 
 def _leads(

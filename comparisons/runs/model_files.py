@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...engines.study import ModelFile, ModelStart
+from ...engines.study import Episode, ModelFile, ModelStart, Policy
 from ...models.arrays import FloatArray
 from ...models.controls import ControlRecord
 from ...models.errors import EngineNotInstalledError, SimulationError
@@ -73,6 +73,36 @@ def controls_of(
 ) -> Sequence[float] | ControlRecord | None:
     """Controls as they are given, or read from the file that is named."""
     return ControlRecord.read(ctrl) if isinstance(ctrl, str | Path) else ctrl
+
+
+def rollout(
+    environment: str | Any, duration: float = 5.0, seed: int = 0, policy: Policy | None = None
+) -> Episode:
+    """Run an episode of an environment and record the controls that it sets.
+
+        >>> import trebucheck as tb
+        >>> episode = tb.rollout("gymnasium:InvertedPendulum-v5", 1.0)  # doctest: +SKIP
+        >>> tb.audit(episode)  # doctest: +SKIP
+
+    Args:
+        environment: `gymnasium:ID` or `dm_control:DOMAIN-TASK`, or such an environment; it moves a
+            model that an engine here compiles.
+        duration: of the episode [s]; it may end before.
+        seed: of the start and of random actions.
+        policy: chooses actions; random ones of the environment's actions if left out.
+
+    Raises:
+        InputError: there is no such environment, or it moves no such model, or the duration is not
+            positive.
+        EngineNotInstalledError: its package, or the engine, is not installed.
+    """
+    from ...engines.registry import engine_names, engine_study
+
+    studies = map(engine_study, engine_names())
+    record = next((each.record_episode for each in studies if each.record_episode), None)
+    if record is None:
+        raise EngineNotInstalledError("no engine here records episodes.")
+    return record(environment, duration, seed, policy)
 
 
 def read_model_file(source: str | Path | Any, start: ModelStart = _OWN_START) -> ModelFile:

@@ -130,7 +130,7 @@ class PlanarModel:
     offset: FloatArray
     """Shape (n_q,) [rad or m]."""
     controls: ControlRecord
-    """Of all actuators; constant ones are a record with one time."""
+    """All actuators' controls; constant ones are a record with one time."""
     limits: Mapping[str, tuple[int, int, float]]
     """Address in qpos, side (1: lower) and position of each limit, by the stop's name."""
     sites: Mapping[str, int]

@@ -23,6 +23,7 @@ from ..study import (
     Tolerance,
 )
 from .options import effective_solref
+from .rollout import record_episode
 
 MJCF, PYTHON = "MJCF", "MuJoCo in Python"
 # [kg m^2] It shifts the projectile by some 1e-8 m: far above rounding, and still in proportion.
@@ -171,6 +172,7 @@ def _read_model(source: Any, start: study.ModelStart) -> study.ModelFile:
 
 STUDY = study.EngineStudy(
     read_model=_read_model,
+    record_episode=record_episode,
     causes=_causes,
     swept_parameters=(
         SweptParameter(

@@ -419,6 +419,11 @@ class LinearElement(TwoBodyForceElement):
             return geometry.angle(self.body, self.relative_to)
         return geometry.slide(self.slide)
 
+    @property
+    def linear_law(self) -> tuple[float, float] | None:
+        """Stiffness and damping along its direction, if nothing else changes its effort."""
+        return None
+
     def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """Torque [N m] or force [N] on the body, the opposite on the other one, shape (...,)."""
         raise NotImplementedError(type(self).__name__)

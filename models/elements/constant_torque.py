@@ -21,6 +21,10 @@ class ConstantTorque(TorqueElement):
     kind: Literal["constant-torque"] = "constant-torque"
     torque: Real = Field(description="on the body, clockwise positive [N m]")
 
+    @property
+    def linear_law(self) -> tuple[float, float]:
+        return 0.0, 0.0
+
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """The torque in each state [N m], shape (...,)."""
         return self.torque + np.zeros(q.shape[:-1])

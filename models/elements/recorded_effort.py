@@ -69,6 +69,10 @@ class RecordedEffort(LinearElement):
     def works(self) -> bool:
         return any(self.efforts)
 
+    @property
+    def linear_law(self) -> tuple[float, float] | None:
+        return None if self.instants else (0.0, 0.0)
+
     def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """The value [N m or N], shape (...,).
 

@@ -31,6 +31,10 @@ class RotationalSpringDamper(TorqueElement):
         return self.damping > 0
 
     @property
+    def linear_law(self) -> tuple[float, float]:
+        return self.stiffness, self.damping
+
+    @property
     def works(self) -> bool:
         return self.dissipates
 

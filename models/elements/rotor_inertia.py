@@ -27,6 +27,10 @@ class RotorInertia(TorqueElement):
     kind: Literal["rotor-inertia"] = "rotor-inertia"
     inertia: NonNegative = Field(description="J, seen from the joint [kg m^2]")
 
+    @property
+    def linear_law(self) -> tuple[float, float]:
+        return 0.0, 0.0
+
     def torque_on_body(self, angle: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
         """None without accelerations: its part of the mass matrix is on their side [N m]."""
         return np.zeros(q.shape[:-1])

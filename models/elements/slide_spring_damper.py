@@ -34,6 +34,10 @@ class SlideSpringDamper(LinearElement):
         return self.damping > 0
 
     @property
+    def linear_law(self) -> tuple[float, float]:
+        return self.stiffness, self.damping
+
+    @property
     def works(self) -> bool:
         return self.dissipates or self.force != 0
 

@@ -7,6 +7,7 @@ from mechanisms import everything
 from trebucheck.models.kinematics import initial_state
 from trebucheck.reference import compiled
 from trebucheck.reference.equations import Equations
+from trebucheck.reference.perturbed import with_joint_element
 from trebucheck.reference.solver import solve
 
 pytest.importorskip("numba", reason="Numba is not installed: the equations are NumPy's")
@@ -16,6 +17,30 @@ _ROUNDING = (
 )
 
 
+def _with_linear_forces() -> tb.Mechanism:
+    """One of each element whose force is linear in coordinates and speeds."""
+    between = {"body": "bob", "relative_to": "arm"}
+    forces = (
+        tb.RotationalSpringDamper(
+            name="twist", **between, stiffness=3.0, damping=0.2, rest_angle=0.3
+        ),
+        tb.RotationalSpringDamper(name="mooring", body="hull", stiffness=7.0, rest_angle=-1.0),
+        tb.SlideSpringDamper(
+            name="buffer", body="slider", relative_to="arm", coordinate="p", stiffness=20.0,
+            damping=1.5, rest_position=0.2, force=4.0,
+        ),
+        tb.ConstantTorque(name="motor", body="arm", relative_to="hull", torque=0.9),
+        tb.RecordedTorque(name="servo", **between, times=(0.0,), torques=(0.7,)),
+        tb.RecordedForce(
+            name="piston", body="arm", relative_to="hull", coordinate="s", times=(0.0,),
+            forces=(-1.3,),
+        ),
+        tb.RotorInertia(name="rotor", **between, inertia=0.4),
+    )  # fmt: skip
+    linear = everything().model_copy(update={"force_elements": forces, "name": "linear forces"})
+    return tb.Mechanism.model_validate(linear.model_dump())
+
+
 def _machines() -> list[tb.Mechanism]:
     return [
         tb.fixed(),
@@ -23,6 +48,7 @@ def _machines() -> list[tb.Mechanism]:
         tb.hinged(),
         tb.floating_arm(),
         everything().model_copy(update={"force_elements": ()}),
+        _with_linear_forces(),
     ]
 
 
@@ -41,6 +67,24 @@ def test_accelerations_and_multipliers_are_numpys(
             slow = Equations(mechanism).solve(*states, closed)
         for ours, numpys in zip(quick, slow, strict=True):
             assert ours == pytest.approx(numpys, abs=_ROUNDING * np.abs(numpys).max(initial=1.0))
+
+
+def test_a_fault_beside_linear_forces_is_added_to_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    mechanism = _with_linear_forces()
+    random, (q, u) = np.random.default_rng(4), initial_state(mechanism)
+    states = q + random.uniform(-0.3, 0.3, (5, len(q))), u + random.uniform(-1, 1, (5, len(u)))
+    fault = {"damping": 0.3, "stiffness": 2.0, "torque": 0.5}
+    quick = with_joint_element(mechanism, "pin", **fault)
+    assert quick.compiled(q, ()) is not None
+    found = quick.solve(*states, ())[0]
+    monkeypatch.setattr(compiled, "is_available", lambda: False)
+    expected = with_joint_element(mechanism, "pin", **fault).solve(*states, ())[0]
+    assert found == pytest.approx(expected, abs=_ROUNDING * np.abs(expected).max())
+
+
+def test_forces_that_are_not_linear_are_numpys() -> None:
+    mechanism = everything()
+    assert Equations(mechanism).compiled(initial_state(mechanism)[0], ()) is None
 
 
 def test_motion_is_that_of_scipys_integrator(monkeypatch: pytest.MonkeyPatch) -> None:

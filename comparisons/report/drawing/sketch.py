@@ -480,7 +480,7 @@ def _add_torque(sketch: Sketch, element: ConstantTorque) -> None:
 
 
 def _add_record(sketch: Sketch, element: RecordedTorque) -> None:
-    """As the torque of the start."""
+    """Draw the torque of the start."""
     if any(element.torques):
         _add_turn(sketch, element, element.torques[0])
 

@@ -8,49 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from ..models.arrays import FloatArray
-from ..models.controls import ControlRecord
-from ..models.errors import EngineNotInstalledError, InputError, shortened
-
-Policy = Callable[[Any], Any]
-"""Chooses an action by what was observed."""
+from ...models.arrays import FloatArray
+from ...models.controls import ControlRecord
+from ...models.errors import EngineNotInstalledError, InputError, shortened
+from ..study import Episode, Policy
 
 
-@dataclass(frozen=True, eq=False)
-class Rollout:
-    """An episode of an environment: its model, the start, and the controls that were set."""
-
-    name: str
-    model: Any
-    """MuJoCo's compiled model."""
-    qpos: FloatArray
-    """Of the start, shape (nq,)."""
-    qvel: FloatArray
-    """Of the start, shape (nv,)."""
-    controls: ControlRecord
-
-
-def rollout(
-    environment: str | Any, duration: float = 5.0, seed: int = 0, policy: Policy | None = None
-) -> Rollout:
-    """Run an episode and record the controls that it sets.
-
-        >>> import trebucheck as tb
-        >>> episode = tb.rollout("gymnasium:InvertedPendulum-v5", 1.0)  # doctest: +SKIP
-        >>> tb.audit(episode)  # doctest: +SKIP
-
-    Args:
-        environment: `gymnasium:ID` or `dm_control:DOMAIN-TASK`, or such an environment that moves a
-            MuJoCo model.
-        duration: of the episode [s]; it may end before.
-        seed: of the start and of random actions.
-        policy: chooses actions; random ones of the environment's action space if left out.
-
-    Raises:
-        InputError: there is no such environment, or it moves no MuJoCo model, or the duration is
-            not positive.
-        EngineNotInstalledError: its package is not installed.
-    """
+def record_episode(
+    environment: str | Any, duration: float, seed: int, policy: Policy | None
+) -> Episode:
+    """Run an episode of an environment that moves a model of MuJoCo; see `tb.rollout`."""
     if not 0.0 < duration < np.inf:
         raise InputError(f"duration = {duration!r} s must be a positive number.")
     made = _made(environment, seed) if isinstance(environment, str) else environment
@@ -67,11 +34,11 @@ def rollout(
     times = period * np.arange(len(controls), dtype=np.float64)
     record = ControlRecord(times, np.array(controls), source="the rollout")
     name = environment if isinstance(environment, str) else type(made).__name__
-    return Rollout(name, model, qpos, qvel, record)
+    return Episode(name, model, qpos, qvel, record)
 
 
 @dataclass(frozen=True)
-class _Episode:
+class _Steps:
     model: Any
     data: Any
     period: float
@@ -108,7 +75,7 @@ def _made(name: str, seed: int) -> Any:
         raise InputError(f"there is no environment {name!r}: {shortened(str(error))}.") from None
 
 
-def _of_gym(env: Any, policy: Policy | None) -> _Episode:
+def _of_gym(env: Any, policy: Policy | None) -> _Steps:
     inner, observed = getattr(env, "unwrapped", env), list[Any]()
     lacking = [name for name in ("model", "data", "dt") if not hasattr(inner, name)]
     if lacking:
@@ -126,10 +93,10 @@ def _of_gym(env: Any, policy: Policy | None) -> _Episode:
         observed[0], _, terminated, truncated, _ = env.step(action)
         return not (terminated or truncated)
 
-    return _Episode(inner.model, inner.data, float(inner.dt), reset, step)
+    return _Steps(inner.model, inner.data, float(inner.dt), reset, step)
 
 
-def _of_dm_control(env: Any, policy: Policy | None) -> _Episode:
+def _of_dm_control(env: Any, policy: Policy | None) -> _Steps:
     observed, spec = list[Any](), env.action_spec()
     actions = list[Iterator[Any]]()
 
@@ -151,4 +118,4 @@ def _of_dm_control(env: Any, policy: Policy | None) -> _Episode:
 
     physics = env.physics
     period = float(env.control_timestep())
-    return _Episode(physics.model.ptr, physics.data.ptr, period, reset, step)
+    return _Steps(physics.model.ptr, physics.data.ptr, period, reset, step)
