@@ -43,8 +43,8 @@ CEILINGS: dict[str, float] = {
     # A process that throws machines imports no engine: what it does is a module
     "modules": 284,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.
-    # Each of the prover's is one formula; what ends with its parent is for plug-ins, too; what throws
-    # machines, and what records episodes, import none of what is beside them
+    # Each of the prover's is one formula; what ends with its parent is for plug-ins, too; what
+    # throws machines, and what records episodes, import none of what is beside them
     "modules with one importer": 64,
     "public class names used twice": 1,
     "isinstance on elements": 9,
