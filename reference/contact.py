@@ -309,20 +309,11 @@ class ActiveSet:
         self._bouncing.note_impact(t, state.q, state.u, state.closed, met)
         return state
 
-    def with_other_forces(
-        self, equations: Equations, t: float, q: FloatArray, u: FloatArray, closed: Sequence[str]
-    ) -> PostEventState:
-        """The state at an instant from which other forces act.
-
-        Args:
-            equations: with them.
-            t: when [s].
-            q, u: the state, shape (n_q,).
-            closed: stops that were active until now.
-        """
+    def with_other_forces(self, equations: Equations, state: PostEventState) -> PostEventState:
+        """The state at an instant from which other forces act, by the equations with them."""
         self.equations = self._bouncing.equations = equations
         self._bouncing.interrupt()
-        return self._with_active_contacts(t, q, u, closed)
+        return self._with_active_contacts(state.t, state.q, state.u, state.closed)
 
     def _with_active_contacts(
         self, t: float, q: FloatArray, u: FloatArray, touching: Sequence[str]

@@ -104,8 +104,10 @@ def _integrate(
             break
         else:
             q, u = np.split(np.asarray(segment.interpolant(to)), 2)
+            initial = PostEventState(to, q.copy(), u.copy(), initial.closed)
+        if initial.t == to < problem.duration:  # with an event of the stops or without one
             held = _held(equations, to)
-            initial = active_set.with_other_forces(held, to, q.copy(), u.copy(), initial.closed)
+            initial = active_set.with_other_forces(held, initial)
     return Solution(
         problem=problem,
         equations=equations,

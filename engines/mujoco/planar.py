@@ -397,7 +397,8 @@ def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray
 
 def _in_order(record: ControlRecord, model: Any, name: str) -> ControlRecord:
     """A record with its columns in the order of the model's actuators."""
-    known, columns = [model.actuator(k).name for k in range(model.nu)], record.values.shape[1]
+    known = [model.actuator(k).name or f"actuator {k}" for k in range(model.nu)]
+    columns = record.values.shape[1]
     if not record.names:
         if columns == model.nu:
             return record

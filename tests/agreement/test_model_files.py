@@ -438,6 +438,14 @@ def test_controls_are_read_from_files_by_the_names_of_their_actuators(tmp_path: 
         assert tb.from_mjcf(ARM, ctrl=tmp_path / name) == expected
 
 
+def test_actuators_without_a_name_are_numbered(tmp_path: Path) -> None:
+    nameless = ARM.replace('name="push" ', "").replace('name="servo" ', "")
+    path = tmp_path / "controls.csv"
+    path.write_text("t,pull,actuator 1,actuator 0\n0,0.1,0.2,0.3\n0.5,0.4,0.5,0.6\n")
+    expected = ControlRecord([0.0, 0.5], [[0.3, 0.2, 0.1], [0.6, 0.5, 0.4]])
+    assert tb.from_mjcf(nameless, ctrl=path) == tb.from_mjcf(nameless, ctrl=expected)
+
+
 def test_a_record_that_never_changes_is_a_constant_control() -> None:
     held = ControlRecord(np.array([0.0, 0.5]), np.full((2, 3), 0.3))
     assert tb.from_mjcf(ARM, ctrl=held) == tb.from_mjcf(ARM, ctrl=[0.3, 0.3, 0.3])

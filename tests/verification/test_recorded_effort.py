@@ -126,6 +126,25 @@ def test_a_stop_opens_at_the_instant_at_which_its_torque_changes_its_sign() -> N
     assert motion.q[-1, 0] == pytest.approx(0.3 + 0.5 * 5.0 / INERTIA * 0.6**2, abs=1e-12)
 
 
+@pytest.mark.parametrize("later", [-1e-13, -1e-15, 0.0, 1e-15, 1e-13])
+def test_an_instant_may_be_that_of_an_impact(later: float) -> None:
+    """A wheel meets its stop where its torque turns round, and so leaves it at once.
+
+    With the angle t^2 up to 0.5 s and a stop without rebound at 0.25 rad it is 0.25 - (t - 0.5)^2
+    after that.
+    """
+    stop = tb.Stop(name="wall", body="wheel", sense=-1, limit=-0.25, closed=False)
+    met = wheel(
+        stops=(stop,),
+        start=(0.0,),
+        start_speeds=(),
+        force_elements=(record(times=(0.0, 0.5 + later), torques=(2 * INERTIA, -2 * INERTIA)),),
+    )
+    solution = solve(tb.Problem(met, 1.0, stop_law=tb.StopLaw.UNILATERAL))
+    motion = solution.motion(np.array([0.3, 0.7, 1.0]))
+    assert motion.q[:, 0] == pytest.approx([0.09, 0.25 - 0.04, 0.0], abs=1e-9)
+
+
 def test_an_instant_that_changes_nothing_leaves_the_motion() -> None:
     constant = cart().model_copy(
         update={"force_elements": (record(times=(0.0,), torques=(2.0,), name="hip", body="rod"),)}

@@ -46,10 +46,18 @@ def _facts(found: Audit) -> doc.Block:
         ("compared to", compared),
         ("predictability horizon", _horizon(found)),
         ("the reference is known to", f"{found.known_to:.1g} of its scales, by rounding"),
+        *_controls(found),
         ("points", points),
         ("size of the motion", f"{found.size:.4g} m"),
     )
     return doc.table(("what was read", ""), rows)
+
+
+def _controls(found: Audit) -> Iterator[tuple[str, str]]:
+    """Tell how often recorded controls change; nothing of constant ones."""
+    instants = found.mechanism.instants
+    if instants:
+        yield "recorded controls", f"change {len(instants)} times, last at {instants[-1]:.4g} s"
 
 
 def _horizon(found: Audit) -> str:
