@@ -259,8 +259,9 @@ def audit(
         source: as of :func:`.runs.model_files.from_mjcf`; an episode of an environment
             (:func:`.runs.model_files.rollout`), whose start and controls these are then; or a
             :class:`..engines.study.ModelFile` of another simulator.
-        until: end of what is compared [s]; a contact may come first, or a time beyond which small
-            errors have grown so much that the reference itself is not known.
+        until: end of what is compared [s]; a contact may come first, the end of an episode, or a
+            time beyond which small errors have grown so much that the reference itself is not
+            known.
         accuracy: error for which the cheapest options are looked for [m]; a hundredth of the
             motion's size if left out.
         keyframe, qpos, qvel, ctrl, without: as of :func:`.runs.model_files.from_mjcf`.
@@ -290,6 +291,7 @@ def audit(
         qpos, qvel = source.qpos.tolist(), source.qvel.tolist()
         episode = ModelStart(None, qpos, qvel, source.controls, without)
         read, shown = read_model_file(source.model, episode), f"an episode of {source.name}"
+        until = min(until, source.duration)
     else:
         read = read_model_file(source, start)
         name = str(source) if isinstance(source, str | Path) else "a compiled model"

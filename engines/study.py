@@ -355,6 +355,8 @@ class Episode:
     qvel: FloatArray
     """Velocities at the start."""
     controls: ControlRecord
+    duration: float
+    """When it ended [s]."""
 
 
 Policy = Callable[[Any], Any]

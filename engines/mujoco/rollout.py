@@ -34,7 +34,7 @@ def record_episode(
     times = period * np.arange(len(controls), dtype=np.float64)
     record = ControlRecord(times, np.array(controls), source="the rollout")
     name = environment if isinstance(environment, str) else type(made).__name__
-    return Episode(name, model, qpos, qvel, record)
+    return Episode(name, model, qpos, qvel, record, period * len(controls))
 
 
 @dataclass(frozen=True)

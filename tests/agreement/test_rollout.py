@@ -30,7 +30,7 @@ def test_a_replayed_episode_is_the_episode() -> None:
     """The same states, bit for bit: the record holds what was set, and when."""
     env: Any = gymnasium.make(ID)
     episode = tb.rollout(env, 0.5, seed=4)
-    read, moved = replayed(episode, len(episode.controls.times) * env.unwrapped.dt)
+    read, moved = replayed(episode, episode.duration)
     last = env.unwrapped.data
     assert moved.q[-1] == pytest.approx(read.coordinates(np.array(last.qpos)), abs=1e-14)
     assert moved.u[-1] == pytest.approx(read.speeds(np.array(last.qvel)), abs=1e-13)
@@ -50,6 +50,7 @@ def test_an_audit_of_an_episode_starts_where_it_does(tmp_path: Path) -> None:
     found = tb.audit(episode, 0.2, engines=())
     assert found.source == f"an episode of gymnasium:{ID}"
     assert found.given.error is not None
+    assert found.asked == min(0.2, episode.duration)
     with pytest.raises(tb.InputError, match="a start and controls of its own"):
         tb.audit(episode, 0.2, qpos=[0.0, 0.0, 0.0])
 
@@ -99,6 +100,7 @@ class Suite:
 def test_an_episode_of_dm_control_is_replayed_up_to_its_end() -> None:
     env = Suite()
     episode = tb.rollout(env, 1.0)
+    assert episode.duration == pytest.approx(env.data.time)
     assert episode.controls.times[-1] == pytest.approx(0.4, abs=0.011)
     _, moved = replayed(episode, float(env.data.time))
     assert moved.q[-1, 0] == pytest.approx(float(env.data.qpos[0]), abs=1e-14)
