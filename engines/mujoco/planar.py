@@ -58,6 +58,8 @@ _FASTEST = 2.0  # [rad/s, m/s]
 
 _SAME_TIME = 1e-9  # [s] by which a step may begin before the instant that it is to begin at
 
+_MOST_TIMES = 1000  # of recorded controls, at which a reading is held against the model
+
 _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
 
 _INTEGRATOR = "mjINT_"
@@ -280,13 +282,19 @@ class PlanarModel:
         return data
 
     def random_states(self, number: int) -> ModelStates:
-        """MuJoCo's own values at random states about `qpos0`, without constraints."""
+        """MuJoCo's own values at random states about `qpos0`, without constraints.
+
+        At least so many, and one for each time of the controls, up to a thousand of them.
+        """
         model, data = self.model, mujoco.MjData(self.model)
         random, before = np.random.default_rng(7), model.opt.disableflags
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         names = ("qpos", "qvel", "qacc", "sites", "mass")
         found: dict[str, list[FloatArray]] = {name: [] for name in names}
-        closed, times = list[FloatArray](), random.choice(self.controls.times, number)
+        closed, times = list[FloatArray](), self.controls.times
+        if len(times) > _MOST_TIMES:
+            times = random.choice(times, _MOST_TIMES, replace=False)
+        times = np.resize(times, max(number, len(times)))
         try:
             for t in times:
                 data.qpos[:] = model.qpos0 + random.uniform(-_FARTHEST, _FARTHEST, model.nq)

@@ -438,6 +438,40 @@ def test_controls_are_read_from_files_by_the_names_of_their_actuators(tmp_path: 
         assert tb.from_mjcf(ARM, ctrl=tmp_path / name) == expected
 
 
+def _late(times: tuple[float, ...], values: tuple[float, ...]) -> tuple[float, ...]:
+    return (values[0], *values[:-1])
+
+
+def _smooth(times: tuple[float, ...], values: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple((a + b) / 2 for a, b in zip(values, (*values[1:], values[-1]), strict=True))
+
+
+RECORD_MISTAKES: dict[str, Callable[[Any, Any], tuple[float, ...]]] = {
+    "one period late": _late,
+    "interpolated": _smooth,
+    "turned round": lambda _, values: tuple(-value for value in values),
+    "gear squared": lambda _, values: tuple(3 * value for value in values),
+    "one value lost": lambda _, values: (*values[:7], values[6], *values[8:]),
+    "the first value throughout": lambda _, values: (values[0],) * len(values),
+}
+
+
+@pytest.mark.parametrize("kind", [tb.RecordedTorque, tb.RecordedForce])
+@pytest.mark.parametrize("mistake", RECORD_MISTAKES)
+def test_a_record_that_was_read_wrongly_is_refused(mistake: str, kind: type) -> None:
+    read: Any = read_model_file(ARM, ModelStart(ctrl=recorded()))
+    elements = list[Any]()
+    for each in read.mechanism.force_elements:
+        wrong = each
+        if type(each) is kind:
+            values = RECORD_MISTAKES[mistake](each.times, each.efforts)
+            wrong = each.model_copy(update={each.values: values})
+        elements.append(wrong)
+    mechanism = read.mechanism.model_copy(update={"force_elements": tuple(elements)})
+    with pytest.raises(tb.SimulationError, match="was not read rightly"):
+        largest_difference(dataclasses.replace(read, mechanism=mechanism))
+
+
 def test_actuators_without_a_name_are_numbered(tmp_path: Path) -> None:
     nameless = ARM.replace('name="push" ', "").replace('name="servo" ', "")
     path = tmp_path / "controls.csv"
