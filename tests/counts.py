@@ -39,7 +39,7 @@ ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 CEILINGS: dict[str, float] = {
     # Files that people have are read and audited, with recorded controls; five elements, extrema of
     # proofs
-    "lines": 73400,
+    "lines": 73600,
     # A process that throws machines imports no engine: what it does is a module
     "modules": 284,
     # Horizons and published figures, with their pages and tests, are proofs of other questions.

@@ -15,6 +15,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import combinations
 from time import process_time
 from typing import Any
 
@@ -27,6 +28,7 @@ from ...models.elements import (
     AnyForceElement,
     AnyJoint,
     AnyStop,
+    ConstantForce,
     ConstantTorque,
     FreeJoint,
     PinJoint,
@@ -38,6 +40,7 @@ from ...models.elements import (
     RotorInertia,
     SlideSpringDamper,
     SlotJoint,
+    SpringDamper,
     Stop,
     TranslationJoint,
     WeldJoint,
@@ -133,8 +136,8 @@ class PlanarModel:
     """Shape (n_q,) [rad or m]."""
     controls: ControlRecord
     """All actuators' controls; constant ones are a record with one time."""
-    limits: Mapping[str, tuple[int, int, float]]
-    """Address in qpos, side (1: lower) and position of each limit, by the stop's name."""
+    limits: Mapping[str, tuple[FloatArray, float]]
+    """Gap of each limit by the stop's name: a row over qpos, and what is taken off."""
     sites: Mapping[str, int]
     """Number of each marker's site."""
     equalities: Mapping[str, int]
@@ -317,10 +320,7 @@ class PlanarModel:
             u=self.speeds(qvel),
             a=self.speeds(qacc),
             mass=inverse.T @ mass @ inverse,
-            gaps={
-                name: side * (qpos[:, address] - limit)
-                for name, (address, side, limit) in self.limits.items()
-            },
+            gaps={name: qpos @ row - limit for name, (row, limit) in self.limits.items()},
             markers={name: sites[:, site] @ axes for name, site in self.sites.items()},
             loops={
                 name: (np.array(closed)[:, k, 0], np.array(closed)[:, k, 1])
@@ -483,8 +483,8 @@ class _Reader:
         default_factory=dict[str, tuple[FloatArray, float]]
     )
     """Angle of each body by qpos: a row and a constant."""
-    limits: dict[str, tuple[int, int, float]] = field(
-        default_factory=dict[str, tuple[int, int, float]]
+    limits: dict[str, tuple[FloatArray, float]] = field(
+        default_factory=dict[str, tuple[FloatArray, float]]
     )
     sites: dict[str, int] = field(default_factory=dict[str, int])
     equalities: dict[str, int] = field(default_factory=dict[str, int])
@@ -900,7 +900,7 @@ class _Reader:
         value, zero = float(self.qpos[address]), float(self.model.qpos0[address])
         for side, limit in self._limits(made.joint):
             name = self.stop_names.new(f"{made.name} {'lower' if side > 0 else 'upper'} limit", "")
-            self.limits[name] = address, side, limit
+            self.limits[name] = side * np.eye(self.model.nq)[address], side * limit
             stop: dict[str, Any] = {"name": name, **made.between}
             stop["closed"] = self._closed(made.name, side * (value - limit))
             if made.turns:
@@ -955,8 +955,6 @@ class _Reader:
             if not is_weld and kind != mujoco.mjtEq.mjEQ_CONNECT:
                 word = kind.name.removeprefix("mjEQ_").lower()
                 raise self._lacks(f"the equality {name!r} is of the kind {word!r}")
-            if model.eq_objtype[k] != mujoco.mjtObj.mjOBJ_BODY:
-                raise self._lacks(f"the equality {name!r} is between sites")
             if is_weld and not model.eq_data[k, 10]:
                 raise self._lacks(f"the weld {name!r} holds no angle (torquescale)")
             self._add_loop(k, name, is_weld=is_weld)
@@ -965,6 +963,12 @@ class _Reader:
         model, data = self.model, self.data
         first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
         numbers = np.array(model.eq_data[k])
+        if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
+            ends = tuple(self._at(data.site_xpos[site]) for site in (first, second))
+            turn = self._turned_by(*(np.array(data.site_xmat[site]) for site in (first, second)))
+            first, second = (int(model.site_bodyid[site]) for site in (first, second))
+            self._add_loop_joint(k, name, (first, second), ends, turn if is_weld else None)
+            return
 
         def world(body: int, point: FloatArray) -> complex:
             turned = np.array(data.xmat[body]).reshape(3, 3) @ point
@@ -978,12 +982,23 @@ class _Reader:
             ends = world(first, at), world(second, numbers[:3])
         else:
             ends = world(first, numbers[:3]), world(second, numbers[3:6])
-        parent, child = self.home[first], self.home[second]
-        points, turn = list(ends), 0.0
-        if is_weld:
-            turn = self._turn_of_weld(first, second, numbers[6:10])
+        turn = self._turn_of_weld(first, second, numbers[6:10]) if is_weld else None
+        self._add_loop_joint(k, name, (first, second), ends, turn)
+
+    def _add_loop_joint(
+        self,
+        k: int,
+        name: str,
+        of: tuple[int, int],
+        ends: Sequence[complex],
+        turn: float | None,
+    ) -> None:
+        """Add the joint of an equality between two bodies of the model; `turn`: of a weld [rad]."""
+        parent, child = (self.home[body] for body in of)
+        points = list(ends)
         if child == GROUND:
-            parent, child, points, turn = child, parent, points[::-1], -turn
+            parent, child, points = child, parent, points[::-1]
+            turn = None if turn is None else -turn
         joint = self.joint_names.new(name, "")
         self.equalities[joint] = k
         fields: dict[str, Any] = {
@@ -993,14 +1008,18 @@ class _Reader:
             "parent_point": self._in(parent, points[0]),
             "child_point": self._in(child, points[1]),
         }
-        self.joints.append(WeldJoint(**fields, angle=turn) if is_weld else PinJoint(**fields))
+        self.joints.append(PinJoint(**fields) if turn is None else WeldJoint(**fields, angle=turn))
 
     def _turn_of_weld(self, first: int, second: int, quaternion: FloatArray) -> float:
         """Clockwise angle of the second body less that of the first, both zero at `qpos0`."""
         relative = np.zeros(9)
         mujoco.mju_quat2Mat(relative, quaternion)
         one, other = (np.array(self.data.xmat[b]).reshape(3, 3) for b in (first, second))
-        moved = one @ relative.reshape(3, 3) @ other.T
+        return self._turned_by(one @ relative.reshape(3, 3), other)
+
+    def _turned_by(self, one: FloatArray, other: FloatArray) -> float:
+        """Clockwise angle by which two frames, (3, 3) or (9,), are turned against each other."""
+        moved = one.reshape(3, 3) @ other.reshape(3, 3).T
         along = self.plane.vector(moved @ self.plane.x)
         return -math.atan2(along.imag, along.real)
 
@@ -1008,7 +1027,7 @@ class _Reader:
 
     def _add_actuators(self) -> None:
         model = self.model
-        self._refuse_tendons()
+        self._add_tendons()
         if not self._is_on("ACTUATION"):
             return
         for k in range(model.nu):
@@ -1018,22 +1037,127 @@ class _Reader:
                 continue
             self._add_actuator(k, self._mujoco_name("actuator", k))
 
-    def _refuse_tendons(self) -> None:
+    def _add_tendons(self) -> None:
+        """Add springs, dampers and limits of tendons."""
         model = self.model
         for k in range(model.ntendon):
-            acts = bool(
-                model.tendon_stiffness[k] or model.tendon_damping[k] or model.tendon_limited[k]
-            )
-            if not acts:
+            limited = bool(model.tendon_limited[k]) and self._is_on("LIMIT")
+            poly = [
+                np.any(getattr(model, f"tendon_{kind}poly")[k])
+                for kind in ("stiffness", "damping")
+                if hasattr(model, f"tendon_{kind}poly")
+            ]
+            stiffness = float(model.tendon_stiffness[k]) if self._is_on("SPRING") else 0.0
+            damping = float(model.tendon_damping[k]) if self._is_on("DAMPER") else 0.0
+            armature = bool(getattr(model, "tendon_armature", np.zeros(k + 1))[k])
+            if not (stiffness or damping or limited or any(poly) or armature):
                 continue
             name = self._mujoco_name("tendon", k)
-            if "tendons" not in self.without:
-                raise UnsupportedProblemError(
-                    f"{self.name!r}: the tendon {name!r} has a spring, a damper or a limit, which "
-                    "no mechanism has; --without tendons leaves them out."
+            if "tendons" in self.without:
+                for what in ("stiffness", "damping", "limited"):
+                    getattr(model, f"tendon_{what}")[k] = 0
+                self.left_out.append(f"spring, damper and limit of the tendon {name!r}")
+                if not (any(poly) or armature):
+                    continue
+            if any(poly) or armature:
+                what = "an armature" if armature else "a nonlinear spring or damper"
+                raise self._lacks(f"the tendon {name!r} has {what}")
+            self._add_tendon(k, name, stiffness, damping, limited=limited)
+
+    def _add_tendon(
+        self, k: int, name: str, stiffness: float, damping: float, *, limited: bool
+    ) -> None:
+        model = self.model
+        first = int(model.tendon_adr[k])
+        wraps = range(first, first + int(model.tendon_num[k]))
+        low, at_rest = (float(length) for length in model.tendon_lengthspring[k])
+        if stiffness and low != at_rest:
+            raise self._lacks(f"the tendon {name!r} has a spring that is slack between two lengths")
+        law: dict[str, Any] = {"stiffness": stiffness, "damping": damping}
+        kinds = {int(model.wrap_type[w]) for w in wraps}
+        if kinds == {int(mujoco.mjtWrap.mjWRAP_JOINT)}:
+            self._add_fixed_tendon(k, name, wraps, law, at_rest, limited=limited)
+        elif kinds == {int(mujoco.mjtWrap.mjWRAP_SITE)} and len(wraps) == 2 and not limited:
+            self._add_straight_tendon(name, wraps, law, at_rest)
+        else:
+            what = "limits a distance" if limited else "has a spring or a damper along a bent line"
+            raise UnsupportedProblemError(
+                f"{self.name!r}: the tendon {name!r} {what}, which no mechanism does; "
+                "--without tendons leaves it out."
+            )
+
+    def _add_straight_tendon(
+        self, name: str, wraps: range, law: Mapping[str, Any], at_rest: float
+    ) -> None:
+        """Add the spring and damper of a tendon between two sites."""
+        model, data = self.model, self.data
+        sites = [int(model.wrap_objid[w]) for w in wraps]
+        places = [np.array(data.site_xpos[site]) for site in sites]
+        if abs((places[1] - places[0]) @ self.plane.normal) > _ALONG:
+            raise self._lacks(f"the tendon {name!r} leaves the plane")
+        one, other = (self.home[int(model.site_bodyid[site])] for site in sites)
+        if one == other:
+            return
+        points = [
+            self._in(body, self._at(at)) for body, at in zip((one, other), places, strict=True)
+        ]
+        if one == GROUND:
+            one, other, points = other, one, points[::-1]
+        self.forces.append(
+            SpringDamper(
+                name=self.element_names.new(name, ""), body=one, relative_to=other,
+                point=points[0], relative_point=points[1], rest_length=at_rest, **law,
+            )
+        )  # fmt: skip
+
+    def _add_fixed_tendon(
+        self, k: int, name: str, wraps: range, law: Mapping[str, Any], at_rest: float, *,
+        limited: bool,
+    ) -> None:  # fmt: skip
+        """Add what acts on a weighted sum of hinges, if that is the angle between two bodies."""
+        model, row = self.model, np.zeros(self.model.nq)
+        for w in wraps:
+            row[int(model.jnt_qposadr[int(model.wrap_objid[w])])] += float(model.wrap_prm[w])
+        body, other = self._bodies_of_angle(row, name)
+        (one, constant), (two, other_constant) = self.angle[body], self.angle[other]
+        # length = weight * (angle of the body less that of the other) + shift
+        weight = float(row @ (one - two) / ((one - two) @ (one - two)))
+        shift = -weight * (constant - other_constant)
+        between: dict[str, Any] = {"body": body, "relative_to": other}
+        if any(law.values()):
+            self.forces.append(
+                RotationalSpringDamper(
+                    name=self.element_names.new(name, ""), **between,
+                    stiffness=law["stiffness"] * weight**2, damping=law["damping"] * weight**2,
+                    rest_angle=(at_rest - shift) / weight,
                 )
-            model.tendon_stiffness[k] = model.tendon_damping[k] = model.tendon_limited[k] = 0
-            self.left_out.append(f"spring, damper and limit of the tendon {name!r}")
+            )  # fmt: skip
+        if not limited:
+            return
+        margin = float(model.tendon_margin[k])
+        for side, bound in zip((1, -1), model.tendon_range[k], strict=True):
+            limit = float(bound) + side * margin
+            stop = self.stop_names.new(f"{name} {'lower' if side > 0 else 'upper'} limit", "")
+            sense = _sign(side * weight)
+            part = side / abs(weight)
+            self.limits[stop] = part * row, part * limit
+            closed = self._closed(name, float(part * (row @ self.qpos - limit)))
+            position = sense * (limit - shift) / weight
+            self.stops.append(
+                Stop(name=stop, **between, sense=sense, limit=position, closed=closed)
+            )
+
+    def _bodies_of_angle(self, row: FloatArray, name: str) -> tuple[str, str]:
+        """Two bodies, or one and the ground, whose angle a sum of joints is in proportion to."""
+        for (one, (first, _)), (two, (second, _)) in combinations(self.angle.items(), 2):
+            along = second - first
+            size = float(along @ along)
+            if (
+                size
+                and np.abs(row - (row @ along / size) * along).max() <= 1e-12 * np.abs(row).max()
+            ):
+                return two, one
+        raise self._lacks(f"the tendon {name!r} is no angle between two bodies")
 
     def _add_actuator(self, k: int, name: str) -> None:
         """Add what a constant control makes of an actuator: a force, a spring and a damper."""
@@ -1062,8 +1186,34 @@ class _Reader:
             raise self._lacks(f"the actuator {name!r} has a stiffness that its control changes")
         if not parts.any():
             return
+        if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_SITE:
+            self._add_site_force(k, name, parts)
+            return
         for joint, weight in self._transmission(k, name, alone=bool(parts[0, 1:].any())):
             self._add_effort(joint, f"{name} on {self._mujoco_name('joint', joint)}", weight, parts)
+
+    def _add_site_force(self, k: int, name: str, parts: FloatArray) -> None:
+        """Add a force on a site whose direction a site of the world gives."""
+        model, (site, against) = self.model, map(int, self.model.actuator_trnid[k])
+        if against < 0 or model.body_weldid[model.site_bodyid[against]] != 0:
+            raise self._lacks(f"the actuator {name!r} pushes a site in a direction that moves")
+        gear = np.array(model.actuator_gear[k])
+        frame = np.array(self.data.site_xmat[against]).reshape(3, 3)
+        force = frame @ gear[:3]
+        off_plane = abs(force @ self.plane.normal) > _ALONG * np.linalg.norm(force)
+        if off_plane or gear[3:].any() or parts[:, 1:].any() or np.ptp(parts[:, 0]):
+            raise self._lacks(
+                f"the actuator {name!r} pushes a site otherwise than by a constant force in the "
+                "plane"
+            )
+        body, at = self.home[int(model.site_bodyid[site])], self._at(self.data.site_xpos[site])
+        if body != GROUND:
+            push = self.plane.vector(force) * float(parts[0, 0])
+            name = self.element_names.new(name, "")
+            point = self._in(body, at)
+            self.forces.append(
+                ConstantForce(name=name, body=body, point=point, force=_vector(push))
+            )
 
     def _transmission(self, k: int, name: str, *, alone: bool) -> list[tuple[int, float]]:
         """Joints that an actuator acts on, each with the derivative of its length by theirs."""
@@ -1081,7 +1231,7 @@ class _Reader:
                     raise self._lacks(f"the actuator {name!r} has a spring over several joints")
                 return [(int(model.wrap_objid[w]), gear * float(model.wrap_prm[w])) for w in wraps]
             case _:
-                raise self._lacks(f"the actuator {name!r} acts on neither joints nor a tendon")
+                raise self._lacks(f"the actuator {name!r} acts on no joint, fixed tendon or site")
 
     def _add_effort(self, joint: int, name: str, weight: float, parts: FloatArray) -> None:
         """Add weight * (c0 + c1 l + c2 dl/dt) on a joint, with l = weight * qpos.

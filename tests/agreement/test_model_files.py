@@ -18,8 +18,12 @@ from trebucheck.engines.study import ModelStart
 from trebucheck.models.controls import ControlRecord
 from trebucheck.models.elements import SlideSpringDamper
 from trebucheck.models.kinematics import Kinematics
+from trebucheck.models.problem import mechanism_of
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
+
+MACHINES = ("fixed", "rolling", "hinged", "catapult", "floating-arm")
+
 
 PLANES = ("xz", "xy", "yz", "any")
 MODEL: Any = mujoco
@@ -254,22 +258,47 @@ def test_a_compiled_model_is_read_and_stays_as_it_is() -> None:
     assert (int(model.opt.disableflags), model.jnt_limited.tolist()) == (flags, limited)
 
 
-@pytest.mark.parametrize("name", ["pendulum", "double-pendulum", "slider-crank", "chain"])
+def coordinates_of(mechanism: tb.Mechanism) -> list[tuple[str, int]]:
+    """The body that each coordinate moves, as MJCF names it, and its slide; -1: its angle."""
+    turning = [(body.name, -1) for body in mechanism.bodies if body.angle is not None]
+    sliding = [(j.child, k) for j in mechanism.tree_joints for k in range(len(j.slides))]
+    return [(name.replace(" ", "_"), k) for name, k in turning + sliding]
+
+
+# Written with contacts of geoms, which are left out when they are read
+WITH_CONTACTS = {
+    "slider-crank", "singular-slider-crank", "trammel", "quick-return", "bouncing", "falling-rod",
+    "hinged", "floating-arm",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sorted({*MACHINES, *tb.problems()}))
 def test_what_is_written_is_read_again(name: str, tmp_path: Path) -> None:
-    mechanism = tb.problem(name).mechanism
+    """The same mass matrix, loops and accelerations, but for what contacts stand for."""
+    mechanism = mechanism_of(tb.problem(name) if name in tb.problems() else tb.model(name))
     path = tmp_path / "written.xml"
     path.write_text(tb.mjcf(name))
-    start = ModelStart(without=("limits", "tendons", "equalities"))
-    read: Any = read_model_file(path, start)
-    data = MODEL.MjData(read.model)
-    equations, again = Equations(mechanism), Equations(read.mechanism)
+    read: Any = read_model_file(path)
+    assert bool(read.left_out) is (name in WITH_CONTACTS)
+    again = read.mechanism
+    assert again.coordinates and len(again.coordinates) == len(mechanism.coordinates)
+    # The written model's zero is the start; its bodies stand branch by branch.
+    order = [coordinates_of(again).index(each) for each in coordinates_of(mechanism)]
     turned = np.random.default_rng(5).uniform(-1, 1, len(mechanism.coordinates))
-    free = mechanism.model_copy(update={"joints": mechanism.tree_joints})
-    assert len(free.coordinates) == len(read.mechanism.coordinates) == data.qpos.size
-    # The written model's zero is the start; bodies and slides are in one order.
-    expected = equations.mass_matrix(np.array(mechanism.start) + turned)
-    found = again.mass_matrix(np.array(read.mechanism.start) + turned)
-    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * float(np.abs(expected).max()))
+    moved = np.empty_like(turned)
+    moved[order] = turned
+    free, free_again = (
+        Equations(m.model_copy(update={"joints": m.tree_joints, "stops": ()}))
+        for m in (mechanism, again)
+    )
+    q, q_again = np.array(mechanism.start) + turned, np.array(again.start) + moved
+    for ours, expected in (
+        (free_again.mass_matrix(q_again)[np.ix_(order, order)], free.mass_matrix(q)),
+        (free_again.solve(q_again, moved, ())[0][order], free.solve(q, turned, ())[0]),
+    ):
+        assert ours == pytest.approx(expected, rel=1e-10, abs=1e-11 * np.abs(expected).max())
+    if name not in WITH_CONTACTS:
+        assert len(again.loop_joints) == len(mechanism.loop_joints)
 
 
 def test_a_file_is_a_model_wherever_one_is_taken(tmp_path: Path) -> None:
@@ -311,14 +340,6 @@ HINGE = '<joint name="j" type="hinge" axis="0 1 0"/>'
         (
             inline(HINGE, '<equality><joint joint1="j" polycoef="0 1 0 0 0"/></equality>'),
             "joint",
-        ),
-        (
-            inline(
-                HINGE,
-                '<tendon><fixed name="t" stiffness="1"><joint joint="j" coef="1"/></fixed>'
-                "</tendon>",
-            ),
-            "--without tendons",
         ),
     ],
 )
@@ -525,3 +546,144 @@ def test_an_archive_that_holds_no_controls_is_refused(tmp_path: Path) -> None:
         with pytest.raises(tb.InputError) as raised:
             tb.from_mjcf(ARM, ctrl=tmp_path / f"{name}.npz")
         assert message in str(raised.value)
+
+
+def two_links(tendon: str = "", actuator: str = "", equality: str = "", option: str = "") -> str:
+    """Two links with a point at the tip, and a post; hinges turn in opposite senses."""
+    return f"""
+<mujoco model="links">
+  <compiler angle="radian" autolimits="true"/>
+  <option gravity="1 0 -9.81"/>
+  <worldbody>
+    <site name="post" pos="0.4 0 1.2"/>
+    <site name="beside" pos="0.4 0.1 1.2"/>
+    <body name="upper" pos="0 0 1">
+      <joint name="one" axis="0 1 0" ref="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.5 0 0.1" size="0.03" mass="1" contype="0"
+            conaffinity="0"/>
+      <site name="elbow" pos="0.3 0 0.05"/>
+      <body name="lower" pos="0.5 0 0.1">
+        <joint name="two" axis="0 -1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.4 0 0.2" size="0.03" mass="0.6" contype="0"
+              conaffinity="0"/>
+        <site name="tip" pos="0.4 0 0.2" euler="0 0.3 0"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>{tendon}</tendon>
+  <actuator>{actuator}</actuator>
+  <equality>{equality}</equality>
+</mujoco>"""
+
+
+SUM = '<joint joint="one" coef="-2"/><joint joint="two" coef="2"/>'
+TENDONS = {
+    "of one hinge": (
+        '<fixed name="t" stiffness="3" damping="0.2" springlength="0.4"><joint joint="two" '
+        'coef="-1.5"/></fixed>',
+        tb.RotationalSpringDamper,
+    ),
+    "of the angle of the lower link": (
+        f'<fixed name="t" stiffness="3" damping="0.2" springlength="0.4">{SUM}</fixed>',
+        tb.RotationalSpringDamper,
+    ),
+    "between a body and the post": (
+        '<spatial name="t" stiffness="30" damping="0.2" springlength="0.3"><site site="post"/>'
+        '<site site="tip"/></spatial>',
+        tb.SpringDamper,
+    ),
+    "between two bodies": (
+        '<spatial name="t" stiffness="30" springlength="0.1"><site site="elbow"/><site site="tip"/>'
+        "</spatial>",
+        tb.SpringDamper,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TENDONS)
+def test_springs_and_dampers_of_tendons_are_read(name: str) -> None:
+    """Held against MuJoCo's accelerations; without the element they would differ."""
+    text, kind = TENDONS[name]
+    read: Any = read_model_file(two_links(text))
+    assert [type(each) for each in read.mechanism.force_elements] == [kind]
+    wrong = dataclasses.replace(read, mechanism=without(kind)(read.mechanism))
+    with pytest.raises(tb.SimulationError, match="acceleration"):
+        largest_difference(wrong)
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.05])
+def test_a_limit_of_a_tendon_is_one_of_an_angle(margin: float) -> None:
+    """The stop stands where the lower link's own angle has the limit's length."""
+    text = two_links(f'<fixed name="t" range="-1 0.5" margin="{margin}">{SUM}</fixed>')
+    read: Any = read_model_file(text)
+    stops, kinematics = read.mechanism.stops, Kinematics(read.mechanism)
+    assert [stop.name for stop in stops] == ["t lower limit", "t upper limit"]
+    for stop, side, bound in zip(stops, (1, -1), (-1.0, 0.5), strict=True):
+        qpos = np.array([[0.2, 0.3], [-0.4, 0.1]])
+        expected = side * (qpos @ [-2.0, 2.0] - (bound + side * margin)) / 2
+        assert kinematics.gap(stop.name, read.coordinates(qpos)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("kind", ["connect", "weld"])
+def test_sites_that_coincide_close_a_loop(kind: str) -> None:
+    read: Any = read_model_file(
+        two_links(equality=f'<{kind} name="loop" site1="tip" site2="post"/>')
+    )
+    (joint,) = read.mechanism.loop_joints
+    assert joint.kind == ("pin" if kind == "connect" else "weld")
+
+
+def test_a_constant_force_on_a_site_is_read() -> None:
+    pushed = two_links(
+        actuator='<motor name="wind" site="tip" refsite="post" gear="2 0 -1 0 0 0"/>'
+    )
+    read: Any = read_model_file(pushed, ModelStart(ctrl=[1.5]))
+    (force,) = read.mechanism.force_elements
+    assert force.force == pytest.approx((3.0, -1.5))
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        (
+            {"tendon": f'<fixed name="t" stiffness="3">{SUM.replace("2", "1", 1)}</fixed>'},
+            "no angle",
+        ),
+        (
+            {"tendon": f'<fixed name="t" stiffness="3" springlength="0.1 0.3">{SUM}</fixed>'},
+            "slack between two lengths",
+        ),
+        (
+            {
+                "tendon": '<spatial name="t" stiffness="3" springlength="1"><site site="beside"/>'
+                '<site site="tip"/></spatial>'
+            },
+            "leaves the plane",
+        ),
+        (
+            {
+                "tendon": '<spatial name="t" range="0 1"><site site="post"/><site site="tip"/>'
+                "</spatial>"
+            },
+            "--without tendons",
+        ),
+        (
+            {
+                "tendon": '<spatial name="t" damping="1"><site site="post"/><site site="elbow"/>'
+                '<site site="tip"/></spatial>'
+            },
+            "bent line",
+        ),
+        ({"actuator": '<motor name="m" site="tip" gear="1 0 0 0 0 0"/>'}, "a direction that moves"),
+        (
+            {"actuator": '<motor name="m" site="tip" refsite="post" gear="0 1 0 0 0 0"/>'},
+            "in the plane",
+        ),
+    ],
+)
+def test_tendons_and_forces_that_are_none_here_are_refused(
+    how: dict[str, str], message: str
+) -> None:
+    with pytest.raises(tb.UnsupportedProblemError) as raised:
+        read_model_file(two_links(**how), ModelStart(ctrl=[1.0] if "actuator" in how else None))
+    assert message in str(raised.value)
