@@ -237,6 +237,8 @@ def test_an_engine_without_an_element_names_it() -> None:
     # Elements that not every engine builds have mechanisms of their own.
     later = {
         Feature.CUBIC_SPRING,
+        Feature.RECORDED_FORCE,
+        Feature.RECORDED_TORQUE,
         Feature.ROTOR_INERTIA,
         Feature.SLIDE_SPRING,
         Feature.TRANSLATION,
