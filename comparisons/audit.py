@@ -173,7 +173,7 @@ class Audit(Reported, ResultFile):
 
     @property
     def is_longest(self) -> bool:
-        """Whether no longer step was tried than that of the cheapest run."""
+        """Tell whether no longer step was tried than that of the cheapest run."""
         tried = max(run.timestep for run in self.runs)
         return self.cheapest is not None and self.cheapest.timestep == tried
 

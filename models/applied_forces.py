@@ -68,14 +68,9 @@ class AppliedForces:
 
     def at_times(self, t: FloatArray) -> Iterator[tuple[IndexArray, AppliedForces]]:
         """Indices of times (n,) [s] between the same instants, and the forces that act there."""
-        mechanism = self.kinematics.mechanism
-        if not mechanism.instants:
-            yield np.arange(len(t)), self
-            return
-        stages = np.searchsorted(mechanism.instants, t, side="right")
-        for stage in np.unique(stages).tolist():
-            at = mechanism.at((0.0, *mechanism.instants)[stage])
-            yield np.flatnonzero(stages == stage), AppliedForces(Kinematics(at))
+        for indices, mechanism in self.kinematics.mechanism.at_times(t):
+            is_own = mechanism is self.kinematics.mechanism
+            yield indices, self if is_own else AppliedForces(Kinematics(mechanism))
 
     @property
     def terms(self) -> tuple[tuple[AnyForceElement, Any], ...]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 
-from .arrays import FloatArray
+from .arrays import FloatArray, IndexArray
 from .errors import InputError
 from .files import read_bytes, write_bytes
 
@@ -19,6 +21,16 @@ _LARGEST = 200_000_000  # [B] of a file
 SUFFIXES = (".csv", ".npz")
 """Endings of the names of files that hold controls."""
 _TIME = "t"
+
+
+def fault_of_times(times: Sequence[float]) -> str | None:
+    """Tell why values cannot be held from each of these times to the next; None: they can."""
+    if times[0] != 0.0:
+        return f"times begin at {times[0]!r} s, not at 0, from which the first values act"
+    for before, after in pairwise(times):
+        if not before < after:
+            return f"times must ascend; {after!r} s follows {before!r} s"
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +68,8 @@ class ControlRecord:
             if not np.isfinite(array).all():
                 row = int(np.argmin(np.isfinite(array.reshape(len(array), -1)).all(axis=1)))
                 raise InputError(f"{self.source}: {name}[{row}] = {array[row]} must be finite.")
-        if times[0] != 0.0:
-            raise InputError(
-                f"{self.source} begins at t = {float(times[0])!r} s; the first controls act from 0."
-            )
-        if not np.all(np.diff(times) > 0):
-            row = int(np.argmin(np.diff(times) > 0))
-            raise InputError(
-                f"{self.source}: times must ascend; {float(times[row + 1])!r} s follows "
-                f"{float(times[row])!r} s."
-            )
+        if (fault := fault_of_times(times.tolist())) is not None:
+            raise InputError(f"{self.source}: {fault}.")
         if self.names and len(self.names) != values.shape[1]:
             raise InputError(
                 f"{self.source}: {len(self.names)} names for {values.shape[1]} columns."
@@ -132,6 +136,6 @@ class ControlRecord:
         np.savez(content, t=self.times, ctrl=self.values)
         write_bytes(path, content.getvalue())
 
-    def at(self, t: FloatArray) -> FloatArray:
-        """The controls that act at times [s], shape (n, n_actuators)."""
-        return self.values[np.maximum(0, np.searchsorted(self.times, t, side="right") - 1)]
+    def rows(self, t: FloatArray) -> IndexArray:
+        """Index of the controls that act at times from 0 on [s], shape (n,)."""
+        return np.searchsorted(self.times, t, side="right") - 1

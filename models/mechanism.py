@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from .arrays import FloatArray, IndexArray
 from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint, PointStop, Stop
 from .elements.base import refuse_other_lengths
 from .shown import Shown
@@ -267,6 +269,18 @@ class Mechanism(Shown, Spec):
         """
         elements = tuple(element.at(t) for element in self.force_elements)
         return self.model_copy(update={"force_elements": elements})
+
+    def at_times(self, t: FloatArray) -> Iterator[tuple[IndexArray, Self]]:
+        """Indices of times (n,) [s] between the same instants, and the mechanism as of :meth:`at`.
+
+        All of them and this one, where no law changes.
+        """
+        if not self.instants:
+            yield np.arange(len(t)), self
+            return
+        stages = np.searchsorted(self.instants, t, side="right")
+        for stage in np.unique(stages).tolist():
+            yield np.flatnonzero(stages == stage), self.at((0.0, *self.instants)[stage])
 
     @property
     def gravity_vector(self) -> Vector:

@@ -64,8 +64,8 @@ class MotionSamples:
     a: FloatArray
     loop_multipliers: FloatArray
     stop_torques: Mapping[str, FloatArray]
-    applied: Mapping[str, FloatArray]
-    """Resultant force of the force elements on bodies, in the world [N], shape (n, 2)."""
+    t: FloatArray
+    """Of each state [s], shape (n,)."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,34 +151,34 @@ class Solution(Shown):
         n_loops = self.equations.n_loops
         a, loops = np.empty_like(q), np.empty((len(t), n_loops))
         torques = {stop.name: np.zeros(len(t)) for stop in self.problem.mechanism.stops}
-        applied = dict[str, FloatArray]()
         with numerical("with the forces of its motion"):
             for segment, i in self._by_segment(t):
                 if exactly:
                     a[i], multipliers = segment.forces(t[i], q[i], u[i])
                 else:
                     a[i], multipliers = segment.equations.solve(q[i], u[i], segment.closed)
-                for body, force in segment.equations.applied_on_bodies(q[i], u[i]).items():
-                    applied.setdefault(body, np.zeros((len(t), 2)))[i] = force
                 loops[i] = multipliers[:, :n_loops]
                 for name, torque in zip(segment.closed, multipliers[:, n_loops:].T, strict=True):
                     torques[name][i] = torque
         refuse_infinite("accelerations", a)
         refuse_infinite("forces of joints and stops", loops, *torques.values())
-        return MotionSamples(q, u, a, loops, torques, applied)
+        return MotionSamples(q, u, a, loops, torques, t)
 
     def joint_reactions(self, motion: MotionSamples) -> dict[str, FloatArray]:
         """Force on each joint's child [N], world frame, shape (n, 2), by Newton's law."""
         mechanism, kinematics = self.problem.mechanism, self.equations.kinematics
         gravity = np.array(mechanism.gravity_vector)
         second = kinematics.second_flow(motion.q, motion.u, motion.a)
+        applied = {body.name: np.zeros((len(motion.t), 2)) for body in mechanism.bodies}
+        for segment, i in self._by_segment(motion.t):
+            acting = segment.equations.applied_on_bodies(motion.q[i], motion.u[i])
+            for body, force in acting.items():
+                applied[body][i] = force
         needed = dict[str, FloatArray]()
         for body in mechanism.bodies:
             centre = kinematics.point(body.name, body.centre)
             acceleration = as_vectors(weighted(second, centre.coefficients))
-            needed[body.name] = body.mass * (acceleration - gravity) - motion.applied.get(
-                body.name, 0.0
-            )
+            needed[body.name] = body.mass * (acceleration - gravity) - applied[body.name]
         return joint_reactions(
             kinematics, motion.q, needed, motion.loop_multipliers, motion.stop_torques
         )

@@ -148,10 +148,8 @@ def largest_difference(read: ModelFile) -> tuple[float, str]:
     kinematics = Kinematics(mechanism)
     equations = Equations(free)
     accelerations = np.empty_like(states.q)
-    for t in np.unique(states.t):
-        then = states.t == t
-        acting = equations if not free.instants else Equations(free.at(float(t)))
-        accelerations[then] = acting.solve(states.q[then], states.u[then], ())[0]
+    for i, acting in free.at_times(states.t):
+        accelerations[i] = Equations(acting).solve(states.q[i], states.u[i], ())[0]
     pairs = list[tuple[str, FloatArray, FloatArray]]()
     if states.mass is not None:
         pairs.append(("the mass matrix", equations.mass_matrix(states.q), states.mass))

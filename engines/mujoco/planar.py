@@ -59,8 +59,7 @@ _LONGEST_NAME = 60
 _FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
 _FASTEST = 2.0  # [rad/s, m/s]
 
-_SAME_TIME = 1e-9  # [s] by which a step may begin before the instant that it is to begin at
-
+_SAME_TIME = 1e-9  # [s]
 _MOST_TIMES = 1000  # of recorded controls, at which a reading is held against the model
 
 _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
@@ -229,17 +228,21 @@ class PlanarModel:
         steps = whole_steps(duration, timestep)
         qpos, qvel = (np.empty((steps + 1, n)) for n in (model.nq, model.nv))
         contact = None
+        t = timestep * np.arange(steps + 1, dtype=np.float64)
+        # A step may begin a rounding before the instant that it is to begin at.
+        acting = self.controls.rows(t[:-1] + _SAME_TIME)
+        changes = np.flatnonzero(np.diff(acting, prepend=-1)).tolist()
+        controls = self.controls.values[acting]
         with raised_warnings():
             data = self._start(model)
             began = process_time()
-            changes = self._changes(steps, timestep)
             for k, last in zip(changes, (*changes[1:], steps), strict=True):
-                data.ctrl[:] = self._control(k * timestep)
+                data.ctrl[:] = controls[k]
                 mujoco.mj_step(model, data, nstep=last - k)
             spent, data = process_time() - began, self._start(model)
             qpos[0], qvel[0] = data.qpos, data.qvel
             for k in range(1, steps + 1):
-                data.ctrl[:] = self._control((k - 1) * timestep)
+                data.ctrl[:] = controls[k - 1]
                 mujoco.mj_step(model, data)
                 qpos[k], qvel[k] = data.qpos, data.qvel
                 # Contacts were found at the beginning of the step, which they have changed.
@@ -250,18 +253,7 @@ class PlanarModel:
                 f"{self.mechanism.name!r} diverges with the integrator {options.integrator!r} at a "
                 f"step of {timestep:g} s."
             )
-        t = timestep * np.arange(steps + 1, dtype=np.float64)
         return GivenRun(t, self.coordinates(qpos), self.speeds(qvel), contact, spent)
-
-    def _control(self, t: float) -> FloatArray:
-        """Controls of the step that begins at a time [s], which may be a rounding too early."""
-        return self.controls.at(np.array([t + _SAME_TIME]))[0]
-
-    def _changes(self, steps: int, timestep: float) -> list[int]:
-        """First step, and those that begin with other controls than the one before."""
-        times = timestep * np.arange(max(steps, 1)) + _SAME_TIME
-        acting = np.searchsorted(self.controls.times, times, side="right")
-        return [0, *(np.flatnonzero(np.diff(acting)) + 1).tolist()]
 
     def _with(self, options: ModelOptions) -> Any:
         """The model as it was given, with other options."""
@@ -281,7 +273,7 @@ class PlanarModel:
 
     def _start(self, model: Any) -> Any:
         data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:], data.ctrl[:] = self.qpos, self.qvel, self._control(0.0)
+        data.qpos[:], data.qvel[:], data.ctrl[:] = self.qpos, self.qvel, self.controls.values[0]
         return data
 
     def random_states(self, number: int) -> ModelStates:
@@ -299,10 +291,10 @@ class PlanarModel:
             times = random.choice(times, _MOST_TIMES, replace=False)
         times = np.resize(times, max(number, len(times)))
         try:
-            for t in times:
+            for controls in self.controls.values[self.controls.rows(times)]:
                 data.qpos[:] = model.qpos0 + random.uniform(-_FARTHEST, _FARTHEST, model.nq)
                 data.qvel[:] = random.uniform(-_FASTEST, _FASTEST, model.nv)
-                data.ctrl[:] = self._control(t)
+                data.ctrl[:] = controls
                 mujoco.mj_forward(model, data)
                 for name, values in (("qpos", data.qpos), ("qvel", data.qvel), ("qacc", data.qacc)):
                     found[name].append(np.array(values))
@@ -458,6 +450,11 @@ class _Made:
     def between(self) -> dict[str, Any]:
         """Fields of an element between its bodies."""
         return {"body": self.built.child, "relative_to": self.built.parent}
+
+
+_Ends = tuple[tuple[int, int], tuple[complex, complex], float]
+"""Bodies of the model, points of theirs that coincide, in the plane, and the angle [rad] by which
+the second body is turned against the first, both zero at `qpos0`, clockwise."""
 
 
 @dataclass
@@ -817,12 +814,7 @@ class _Reader:
     def _add_properties(self, made: _Made) -> None:
         model, joint = self.model, made.joint
         degree = int(model.jnt_dofadr[joint])
-        poly = [
-            np.any(getattr(model, kind)[k])
-            for kind, k in (("jnt_stiffnesspoly", joint), ("dof_dampingpoly", degree))
-            if hasattr(model, kind)
-        ]
-        if any(poly):
+        if self._has(jnt_stiffnesspoly=joint, dof_dampingpoly=degree):
             raise self._lacks(f"the joint {made.name!r} has a nonlinear spring or damper")
         if model.jnt_actfrclimited[joint]:
             raise self._lacks(f"the joint {made.name!r} limits the force of its actuators")
@@ -960,45 +952,14 @@ class _Reader:
             self._add_loop(k, name, is_weld=is_weld)
 
     def _add_loop(self, k: int, name: str, *, is_weld: bool) -> None:
-        model, data = self.model, self.data
-        first, second = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-        numbers = np.array(model.eq_data[k])
-        if model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
-            ends = tuple(self._at(data.site_xpos[site]) for site in (first, second))
-            turn = self._turned_by(*(np.array(data.site_xmat[site]) for site in (first, second)))
-            first, second = (int(model.site_bodyid[site]) for site in (first, second))
-            self._add_loop_joint(k, name, (first, second), ends, turn if is_weld else None)
-            return
-
-        def world(body: int, point: FloatArray) -> complex:
-            turned = np.array(data.xmat[body]).reshape(3, 3) @ point
-            return self._at(np.array(data.xpos[body]) + turned)
-
-        if is_weld:
-            # A point of body 2, and the place and turn of body 2 in body 1's frame
-            turned = np.zeros(9)
-            mujoco.mju_quat2Mat(turned, numbers[6:10])
-            at = numbers[3:6] + turned.reshape(3, 3) @ numbers[:3]
-            ends = world(first, at), world(second, numbers[:3])
+        """Add the joint of an equality, as a loop that it closes."""
+        if self.model.eq_objtype[k] == mujoco.mjtObj.mjOBJ_SITE:
+            bodies, points, turn = self._between_sites(k)
         else:
-            ends = world(first, numbers[:3]), world(second, numbers[3:6])
-        turn = self._turn_of_weld(first, second, numbers[6:10]) if is_weld else None
-        self._add_loop_joint(k, name, (first, second), ends, turn)
-
-    def _add_loop_joint(
-        self,
-        k: int,
-        name: str,
-        of: tuple[int, int],
-        ends: Sequence[complex],
-        turn: float | None,
-    ) -> None:
-        """Add the joint of an equality between two bodies of the model; `turn`: of a weld [rad]."""
-        parent, child = (self.home[body] for body in of)
-        points = list(ends)
+            bodies, points, turn = self._between_bodies(k, is_weld=is_weld)
+        parent, child = (self.home[body] for body in bodies)
         if child == GROUND:
-            parent, child, points = child, parent, points[::-1]
-            turn = None if turn is None else -turn
+            parent, child, points, turn = child, parent, points[::-1], -turn
         joint = self.joint_names.new(name, "")
         self.equalities[joint] = k
         fields: dict[str, Any] = {
@@ -1008,14 +969,37 @@ class _Reader:
             "parent_point": self._in(parent, points[0]),
             "child_point": self._in(child, points[1]),
         }
-        self.joints.append(PinJoint(**fields) if turn is None else WeldJoint(**fields, angle=turn))
+        self.joints.append(WeldJoint(**fields, angle=turn) if is_weld else PinJoint(**fields))
 
-    def _turn_of_weld(self, first: int, second: int, quaternion: FloatArray) -> float:
-        """Clockwise angle of the second body less that of the first, both zero at `qpos0`."""
-        relative = np.zeros(9)
-        mujoco.mju_quat2Mat(relative, quaternion)
-        one, other = (np.array(self.data.xmat[b]).reshape(3, 3) for b in (first, second))
-        return self._turned_by(one @ relative.reshape(3, 3), other)
+    def _between_sites(self, k: int) -> _Ends:
+        data, sites = self.data, (int(self.model.eq_obj1id[k]), int(self.model.eq_obj2id[k]))
+        one, other = (int(self.model.site_bodyid[site]) for site in sites)
+        first, second = (self._at(data.site_xpos[site]) for site in sites)
+        turn = self._turned_by(*(np.array(data.site_xmat[site]) for site in sites))
+        return (one, other), (first, second), turn
+
+    def _between_bodies(self, k: int, *, is_weld: bool) -> _Ends:
+        data, numbers = self.data, np.array(self.model.eq_data[k])
+        one, other = int(self.model.eq_obj1id[k]), int(self.model.eq_obj2id[k])
+        frames = [np.array(data.xmat[body]).reshape(3, 3) for body in (one, other)]
+
+        def world(body: int, frame: FloatArray, point: FloatArray) -> complex:
+            return self._at(np.array(data.xpos[body]) + frame @ point)
+
+        if not is_weld:
+            first, second = numbers[:3], numbers[3:6]
+            return (
+                (one, other),
+                (world(one, frames[0], first), world(other, frames[1], second)),
+                0.0,
+            )
+        # A point of body 2, and the place and turn of body 2 in body 1's frame
+        turned = np.zeros(9)
+        mujoco.mju_quat2Mat(turned, numbers[6:10])
+        relative = turned.reshape(3, 3)
+        at = numbers[3:6] + relative @ numbers[:3]
+        points = world(one, frames[0], at), world(other, frames[1], numbers[:3])
+        return (one, other), points, self._turned_by(frames[0] @ relative, frames[1])
 
     def _turned_by(self, one: FloatArray, other: FloatArray) -> float:
         """Clockwise angle by which two frames, (3, 3) or (9,), are turned against each other."""
@@ -1042,41 +1026,50 @@ class _Reader:
         model = self.model
         for k in range(model.ntendon):
             limited = bool(model.tendon_limited[k]) and self._is_on("LIMIT")
-            poly = [
-                np.any(getattr(model, f"tendon_{kind}poly")[k])
-                for kind in ("stiffness", "damping")
-                if hasattr(model, f"tendon_{kind}poly")
-            ]
             stiffness = float(model.tendon_stiffness[k]) if self._is_on("SPRING") else 0.0
             damping = float(model.tendon_damping[k]) if self._is_on("DAMPER") else 0.0
-            armature = bool(getattr(model, "tendon_armature", np.zeros(k + 1))[k])
-            if not (stiffness or damping or limited or any(poly) or armature):
-                continue
-            name = self._mujoco_name("tendon", k)
-            if "tendons" in self.without:
+            # Of later versions than the oldest that is supported
+            unknown = {
+                "a nonlinear spring or damper": self._has(
+                    tendon_stiffnesspoly=k, tendon_dampingpoly=k
+                ),
+                "an armature": self._has(tendon_armature=k),
+            }
+            acts, name = bool(stiffness or damping or limited), self._mujoco_name("tendon", k)
+            if acts and "tendons" in self.without:
                 for what in ("stiffness", "damping", "limited"):
                     getattr(model, f"tendon_{what}")[k] = 0
                 self.left_out.append(f"spring, damper and limit of the tendon {name!r}")
-                if not (any(poly) or armature):
-                    continue
-            if any(poly) or armature:
-                what = "an armature" if armature else "a nonlinear spring or damper"
-                raise self._lacks(f"the tendon {name!r} has {what}")
-            self._add_tendon(k, name, stiffness, damping, limited=limited)
+                acts = False
+            for what, is_there in unknown.items():
+                if is_there:
+                    raise self._lacks(f"the tendon {name!r} has {what}")
+            if acts:
+                self._add_tendon(k, name, stiffness, damping, limited=limited)
+
+    def _has(self, **numbers: int) -> bool:
+        """Tell whether a field of the model, where its version has it, is not zero at an index."""
+        return any(
+            hasattr(self.model, kind) and np.any(getattr(self.model, kind)[k])
+            for kind, k in numbers.items()
+        )
+
+    def _wraps(self, tendon: int) -> range:
+        """Indices of what a tendon passes."""
+        first = int(self.model.tendon_adr[tendon])
+        return range(first, first + int(self.model.tendon_num[tendon]))
 
     def _add_tendon(
         self, k: int, name: str, stiffness: float, damping: float, *, limited: bool
     ) -> None:
-        model = self.model
-        first = int(model.tendon_adr[k])
-        wraps = range(first, first + int(model.tendon_num[k]))
+        model, wraps = self.model, self._wraps(k)
         low, at_rest = (float(length) for length in model.tendon_lengthspring[k])
         if stiffness and low != at_rest:
             raise self._lacks(f"the tendon {name!r} has a spring that is slack between two lengths")
         law: dict[str, Any] = {"stiffness": stiffness, "damping": damping}
         kinds = {int(model.wrap_type[w]) for w in wraps}
         if kinds == {int(mujoco.mjtWrap.mjWRAP_JOINT)}:
-            self._add_fixed_tendon(k, name, wraps, law, at_rest, limited=limited)
+            self._add_fixed_tendon(k, name, law, at_rest, limited=limited)
         elif kinds == {int(mujoco.mjtWrap.mjWRAP_SITE)} and len(wraps) == 2 and not limited:
             self._add_straight_tendon(name, wraps, law, at_rest)
         else:
@@ -1111,12 +1104,11 @@ class _Reader:
         )  # fmt: skip
 
     def _add_fixed_tendon(
-        self, k: int, name: str, wraps: range, law: Mapping[str, Any], at_rest: float, *,
-        limited: bool,
-    ) -> None:  # fmt: skip
+        self, k: int, name: str, law: Mapping[str, Any], at_rest: float, *, limited: bool
+    ) -> None:
         """Add what acts on a weighted sum of hinges, if that is the angle between two bodies."""
         model, row = self.model, np.zeros(self.model.nq)
-        for w in wraps:
+        for w in self._wraps(k):
             row[int(model.jnt_qposadr[int(model.wrap_objid[w])])] += float(model.wrap_prm[w])
         body, other = self._bodies_of_angle(row, name)
         (one, constant), (two, other_constant) = self.angle[body], self.angle[other]
@@ -1223,8 +1215,7 @@ class _Reader:
             case kinds.mjTRN_JOINT | kinds.mjTRN_JOINTINPARENT:
                 return [(target, gear)]
             case kinds.mjTRN_TENDON:
-                first = int(model.tendon_adr[target])
-                wraps = range(first, first + int(model.tendon_num[target]))
+                wraps = self._wraps(target)
                 if any(model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT for w in wraps):
                     raise self._lacks(f"the actuator {name!r} pulls a spatial tendon")
                 if alone and len(wraps) > 1:

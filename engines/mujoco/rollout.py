@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +11,8 @@ from ...models.controls import ControlRecord
 from ...models.errors import EngineNotInstalledError, InputError, shortened
 from ..study import Episode, Policy
 
+_LARGEST = 1e3  # random action of an actuator without limits
+
 
 def record_episode(
     environment: str | Any, duration: float, seed: int, policy: Policy | None
@@ -21,31 +21,17 @@ def record_episode(
     if not 0.0 < duration < np.inf:
         raise InputError(f"duration = {duration!r} s must be a positive number.")
     made = _made(environment, seed) if isinstance(environment, str) else environment
-    episode = _of_dm_control(made, policy) if hasattr(made, "physics") else _of_gym(made, policy)
-    model, data, period = episode.model, episode.data, episode.period
-    episode.reset(seed)
-    qpos, qvel = np.array(data.qpos), np.array(data.qvel)
-    steps, controls = max(1, round(duration / period)), list[FloatArray]()
-    for _ in range(steps):
-        goes_on = episode.step()
-        controls.append(np.array(data.ctrl, dtype=np.float64))
-        if not goes_on:
-            break
-    times = period * np.arange(len(controls), dtype=np.float64)
+    env = _Suite(made, policy) if hasattr(made, "physics") else _Gymnasium(made, policy)
+    env.reset(seed)
+    qpos, qvel = np.array(env.data.qpos), np.array(env.data.qvel)
+    controls, goes_on = list[FloatArray](), True
+    while goes_on and len(controls) < max(1, round(duration / env.period)):
+        goes_on = env.step()
+        controls.append(np.array(env.data.ctrl, dtype=np.float64))
+    times = env.period * np.arange(len(controls), dtype=np.float64)
     record = ControlRecord(times, np.array(controls), source="the rollout")
     name = environment if isinstance(environment, str) else type(made).__name__
-    return Episode(name, model, qpos, qvel, record, period * len(controls))
-
-
-@dataclass(frozen=True)
-class _Steps:
-    model: Any
-    data: Any
-    period: float
-    """Time between two actions [s]."""
-    reset: Callable[[int], None]
-    step: Callable[[], bool]
-    """Chooses an action and makes a step; whether the episode goes on."""
+    return Episode(name, env.model, qpos, qvel, record, env.period * len(controls))
 
 
 def _made(name: str, seed: int) -> Any:
@@ -75,47 +61,55 @@ def _made(name: str, seed: int) -> Any:
         raise InputError(f"there is no environment {name!r}: {shortened(str(error))}.") from None
 
 
-def _of_gym(env: Any, policy: Policy | None) -> _Steps:
-    inner, observed = getattr(env, "unwrapped", env), list[Any]()
-    lacking = [name for name in ("model", "data", "dt") if not hasattr(inner, name)]
-    if lacking:
-        raise InputError(
-            f"the environment {type(inner).__name__} has no {lacking[0]!r}: it moves no model of "
-            "MuJoCo."
-        )
+class _Gymnasium:
+    """An environment with Gymnasium's interface, and what was observed last."""
 
-    def reset(seed: int) -> None:
-        observed[:] = [env.reset(seed=seed)[0]]
-        env.action_space.seed(seed)
+    def __init__(self, env: Any, policy: Policy | None) -> None:
+        inner = getattr(env, "unwrapped", env)
+        for name in ("model", "data", "dt"):
+            if not hasattr(inner, name):
+                raise InputError(
+                    f"the environment {type(inner).__name__} has no {name!r}: it moves no model of "
+                    "MuJoCo."
+                )
+        self._env, self._observed = env, None
+        self._policy: Policy = policy or (lambda _: env.action_space.sample())
+        self.model, self.data, self.period = inner.model, inner.data, float(inner.dt)
 
-    def step() -> bool:
-        action = env.action_space.sample() if policy is None else policy(observed[0])
-        observed[0], _, terminated, truncated, _ = env.step(action)
+    def reset(self, seed: int) -> None:
+        """Begin an episode."""
+        self._observed, _ = self._env.reset(seed=seed)
+        self._env.action_space.seed(seed)
+
+    def step(self) -> bool:
+        """Choose an action and take a step; whether the episode goes on."""
+        action = self._policy(self._observed)
+        self._observed, _, terminated, truncated, _ = self._env.step(action)
         return not (terminated or truncated)
 
-    return _Steps(inner.model, inner.data, float(inner.dt), reset, step)
 
+class _Suite:
+    """An environment with dm_control's interface, and what was observed last."""
 
-def _of_dm_control(env: Any, policy: Policy | None) -> _Steps:
-    observed, spec = list[Any](), env.action_spec()
-    actions = list[Iterator[Any]]()
+    def __init__(self, env: Any, policy: Policy | None) -> None:
+        self._env, self._observed = env, None
+        self._policy: Policy = policy or self._sample
+        self._random = np.random.default_rng()
+        self.model, self.data = env.physics.model.ptr, env.physics.data.ptr
+        self.period = float(env.control_timestep())
 
-    def random_actions(seed: int) -> Iterator[Any]:
-        random = np.random.default_rng(seed)
-        while True:
-            low, high = np.maximum(spec.minimum, -1e3), np.minimum(spec.maximum, 1e3)
-            yield random.uniform(low, high, spec.shape)
+    def reset(self, seed: int) -> None:
+        """Begin an episode."""
+        self._random = np.random.default_rng(seed)
+        self._observed = self._env.reset().observation
 
-    def reset(seed: int) -> None:
-        observed[:] = [env.reset().observation]
-        actions[:] = [random_actions(seed)]
-
-    def step() -> bool:
-        action = next(actions[0]) if policy is None else policy(observed[0])
-        made = env.step(action)
-        observed[0] = made.observation
+    def step(self) -> bool:
+        """Choose an action and take a step; whether the episode goes on."""
+        made = self._env.step(self._policy(self._observed))
+        self._observed = made.observation
         return not made.last()
 
-    physics = env.physics
-    period = float(env.control_timestep())
-    return _Steps(physics.model.ptr, physics.data.ptr, period, reset, step)
+    def _sample(self, _: Any) -> FloatArray:
+        spec = self._env.action_spec()
+        low, high = np.maximum(spec.minimum, -_LARGEST), np.minimum(spec.maximum, _LARGEST)
+        return self._random.uniform(low, high, spec.shape)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from ..arrays import FloatArray
+from ..controls import fault_of_times
 from ..errors import UnsupportedProblemError
 from ..functions import AngleFunction
 from ..spec import Name, Real
@@ -47,13 +47,8 @@ class RecordedEffort(LinearElement):
             raise ValueError(
                 f"{self.name!r} has {len(self.times)} times for {len(self.efforts)} {self.values}"
             )
-        if self.times[0] != 0.0:
-            raise ValueError(f"times of {self.name!r} begin at {self.times[0]!r} s, not at 0")
-        for before, after in pairwise(self.times):
-            if not before < after:
-                raise ValueError(
-                    f"times of {self.name!r} must ascend; {after!r} s follows {before!r} s"
-                )
+        if (fault := fault_of_times(self.times)) is not None:
+            raise ValueError(f"{self.name!r}: {fault}")
         return self
 
     @property

@@ -381,7 +381,7 @@ class _Legs:
     closed: BoolArray  # shape (m, n_stops)
 
     def of(self, rows: BoolArray) -> _Legs:
-        """Some of the legs."""
+        """Select some of the legs."""
         return _Legs(self.machines[rows], self.times[rows], self.states[rows], self.closed[rows])
 
 
