@@ -987,12 +987,8 @@ class _Reader:
             return self._at(np.array(data.xpos[body]) + frame @ point)
 
         if not is_weld:
-            first, second = numbers[:3], numbers[3:6]
-            return (
-                (one, other),
-                (world(one, frames[0], first), world(other, frames[1], second)),
-                0.0,
-            )
+            points = world(one, frames[0], numbers[:3]), world(other, frames[1], numbers[3:6])
+            return (one, other), points, 0.0
         # A point of body 2, and the place and turn of body 2 in body 1's frame
         turned = np.zeros(9)
         mujoco.mju_quat2Mat(turned, numbers[6:10])
