@@ -8,6 +8,7 @@ taken into half a turn where a body is made.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -60,6 +61,38 @@ def lawful_stops(problem: Problem) -> list[AnyStop]:
     """The stops that have a part in a problem: under release-once those that are closed."""
     once = problem.stop_law is StopLaw.RELEASE_ONCE
     return [stop for stop in problem.mechanism.stops if stop.closed or not once]
+
+
+def joint_limits(
+    problem: Problem, scene: NodeScene, *, within_half_a_turn: bool
+) -> dict[int, tuple[float | None, float | None]]:
+    """Limits of joints by their index, angles from the start [rad]; None: no limit on that side.
+
+    Args:
+        problem: for its stops and their law.
+        scene: what is moved.
+        within_half_a_turn: whether the engine knows no angle beyond.
+
+    Raises:
+        UnsupportedProblemError: the engine knows no angle beyond half a turn, and a stop is there.
+    """
+    ranges: dict[int, tuple[float | None, float | None]] = {}
+    for stop in lawful_stops(problem):
+        made = scene.stop(stop)
+        joint, angle = made["joint"], made["angle"]
+        if within_half_a_turn and abs(angle) >= math.pi:
+            raise UnsupportedProblemError(
+                f"our adapter sets limits of {scene.engine}'s joints within half a turn from the "
+                f"start, as {scene.engine} knows an angle within that; stop {stop.name!r} is "
+                f"{angle:.3g} rad from it."
+            )
+        low, high = ranges.get(joint, (None, None))
+        if made["side"] > 0:
+            low = angle if low is None else max(low, angle)
+        else:
+            high = angle if high is None else min(high, angle)
+        ranges[joint] = low, high
+    return ranges
 
 
 class NodeScene:
