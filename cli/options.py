@@ -63,11 +63,11 @@ def engine_names() -> tuple[str, ...]:
 
 def preset_names() -> list[str]:
     """Names of the presets of all engines."""
-    from ..engines.presets import PRESETS
+    from ..engines.presets import GIVEN, PRESETS
     from ..engines.registry import engines
 
     presets = [preset for status in engines().values() for preset in status.presets]
-    return list(dict.fromkeys((*PRESETS, *presets)))
+    return list(dict.fromkeys((*PRESETS, *presets, GIVEN)))
 
 
 def _assigned_options() -> list[str]:

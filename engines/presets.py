@@ -13,13 +13,16 @@ from collections.abc import Collection, Mapping
 DEFAULT = "default"
 SETTINGS = "settings"
 ASSISTED = "assisted"
+GIVEN = "given"
+"""A model file as it is, for mechanisms that were read from one; run where it is asked for."""
 PRESETS = (DEFAULT, SETTINGS, ASSISTED)
-"""All presets, in the order in which they are shown."""
+"""The presets of every mechanism, in the order in which they are shown."""
 
 MEANINGS: Mapping[str, str] = {
     DEFAULT: "what the engine does where nothing is set",
     SETTINGS: "the best that options of the engine itself reach at the stated step",
     ASSISTED: "the same with what trebucheck does in the engine's place",
+    GIVEN: "the model file that the mechanism was read from, moved with its own options",
 }
 FORMER_NAMES: Mapping[str, str] = {"stock": DEFAULT, "tuned": ASSISTED}
 """Presets by the names that they had in an earlier release, which are read for one more."""

@@ -33,7 +33,7 @@ from .options import (
     settings_of,
     unknown_option,
 )
-from .presets import ASSISTED, PRESETS, resolved
+from .presets import ASSISTED, GIVEN, PRESETS, resolved
 from .protocol import BuiltinEngine, Capabilities, Engine, Simulator, refuse_no_problem
 from .study import Cause, ConstraintKinds, EngineStudy
 from .supplied import Supplied, stated
@@ -323,13 +323,14 @@ def engine(name: str, preset: str = ASSISTED, **options: Any) -> Engine:
     Args:
         name: one of :func:`engines`.
         preset: 'default' (what the engine does where nothing is set), 'settings' (the best that its
-            own options reach) or 'assisted' (with what trebucheck does in its place).
+            own options reach), 'assisted' (with what trebucheck does in its place), or 'given' (a
+            model file moved as it is, for mechanisms that were read from one).
         options: any field of the engine, over the preset's; `timestep` [s] in every engine.
 
     Raises:
         InputError: the name, the preset or an option is unknown or not valid.
     """
-    makers = engine_class(name).presets()
+    makers = _makers(name)
     preset = resolved(preset, makers)
     if preset not in makers:
         raise InputError(f"{name} has no preset {preset!r}; there are: {', '.join(makers)}.")
@@ -354,16 +355,27 @@ def engine(name: str, preset: str = ASSISTED, **options: Any) -> Engine:
         ) from error
 
 
+def all_presets(name: str) -> tuple[str, ...]:
+    """Names of all presets of an engine, that of model files among them."""
+    return tuple(_makers(name))
+
+
+def _makers(name: str) -> Mapping[str, Callable[..., Simulator]]:
+    """Makers of an engine by the name of the preset, that of model files among them."""
+    given = engine_study(name).as_given
+    return {**engine_class(name).presets(), **({} if given is None else {GIVEN: given})}
+
+
 def presets_of(name: str, asked: Iterable[str] = PRESETS) -> tuple[str, ...]:
     """Those of some presets that an engine has, in their order, or all of a former release's.
 
     Args:
         name: of the engine.
-        asked: names; :data:`.presets.PRESETS` stands for all of its presets.
+        asked: names; :data:`.presets.PRESETS` stands for all that move any mechanism.
     """
-    asked, known = tuple(asked), tuple(engine_class(name).presets())
+    asked, known = tuple(asked), tuple(_makers(name))
     if asked == PRESETS:
-        return tuple(sorted(known, key=_shown_at))
+        return tuple(sorted((each for each in known if each != GIVEN), key=_shown_at))
     found = (resolved(preset, known) for preset in asked)
     return tuple(dict.fromkeys(preset for preset in found if preset in known))
 

@@ -501,6 +501,8 @@ class EngineStudy:
     """How often a time step adds to the state with these options: once, or in each substep."""
     read_model: ReadsModel | None = None
     """Reader of MJCF and URDF files."""
+    as_given: Callable[..., Any] | None = None
+    """Maker of the :class:`.given.GivenModel` that moves such a file as it is, from its options."""
     record_episode: Callable[[str | Any, float, int, Policy | None], Episode] | None = None
     """Recorder of an environment's episode: the environment, its duration [s], a seed, a policy."""
     title: str = ""  # as its authors write it; '': its name

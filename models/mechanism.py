@@ -20,6 +20,7 @@ from pydantic import Field, model_validator
 from .arrays import FloatArray, IndexArray
 from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint, PointStop, Stop
 from .elements.base import refuse_other_lengths
+from .model_source import ModelSource
 from .shown import Shown
 from .spec import Name, NonNegative, Positive, Real, Spec, Vector, schema_text
 
@@ -173,6 +174,7 @@ class Mechanism(Shown, Spec):
     """
 
     largest_file: ClassVar[int] = 1_000_000  # some five thousand bodies
+    not_content: ClassVar[frozenset[str]] = frozenset({"source"})
 
     name: Name
     bodies: tuple[Body, ...] = Field(min_length=1)
@@ -191,6 +193,11 @@ class Mechanism(Shown, Spec):
     start: tuple[Real, ...] = Field(description="q at t = 0 [rad or m]")
     start_speeds: tuple[Real, ...] = Field(
         default=(), description="u at t = 0 [rad/s or m/s]; empty: at rest"
+    )
+    source: ModelSource | None = Field(
+        default=None,
+        exclude_if=lambda source: source is None,
+        description="the model file that it was read from; the preset `given` moves that file",
     )
 
     def headline(self) -> str:
@@ -216,6 +223,8 @@ class Mechanism(Shown, Spec):
         yield "markers", ", ".join(marker.name for marker in self.markers)
         yield "start", ", ".join(f"{name} = {value:.6g}" for name, value in start)
         yield "hash", self.content_hash[:16]
+        if self.source is not None:
+            yield "read from", str(self.source.path or "a text")
 
     @property
     def tree(self) -> Tree:

@@ -122,6 +122,8 @@ class Spec(BaseModel):
     )
     largest_file: ClassVar[int] = 200_000_000
     """Size of a file that is read [B]."""
+    not_content: ClassVar[frozenset[str]] = frozenset()
+    """Fields that are no part of what is described."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -175,9 +177,9 @@ class Spec(BaseModel):
         """SHA-256 of the canonical JSON: equal for equal content in any order.
 
         What is None is left out: a description keeps its hash when a field that it does not use
-        comes into being.
+        comes into being. So are :attr:`not_content`, which say where it came from.
         """
-        content = self.model_dump(mode="json", exclude_none=True)
+        content = self.model_dump(mode="json", exclude_none=True, exclude=set(self.not_content))
         canonical = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 

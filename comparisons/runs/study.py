@@ -16,6 +16,7 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, Literal, Self, TypedDict, Unpack
 
 from ...engines import registry
+from ...engines.given import GivenModel
 from ...engines.presets import DEFAULT, PRESETS, SETTINGS
 from ...engines.protocol import Engine
 from ...engines.registry import (
@@ -305,10 +306,15 @@ class Study:
         object.__setattr__(self, "cluster", joined)
 
     def law_of(self, mechanism: Mechanism) -> StopLaw:
-        """Law of a mechanism's stops: as asked for, else its problem's, else release-once."""
+        """Law of a mechanism's stops: as asked for, else its problem's, else release-once.
+
+        The limits of a model file stay where they are.
+        """
         given = self._models.get(mechanism.name)
         if self.stop_law is None and isinstance(given, Problem):
             return given.stop_law
+        if self.stop_law is None and mechanism.source is not None:
+            return StopLaw.UNILATERAL
         try:
             return StopLaw.RELEASE_ONCE if self.stop_law is None else StopLaw(self.stop_law)
         except ValueError:
@@ -381,7 +387,7 @@ class Study:
         """
         found = presets_of(name, self.presets)
         if not found:
-            known = ", ".join(engine_class(name).presets())
+            known = ", ".join(registry.all_presets(name))
             asked = ", ".join(map(repr, self.presets))
             raise InputError(f"{name} has no preset {asked}; there are: {known}.")
         return found
@@ -396,12 +402,15 @@ class Study:
         It is meant for a characteristic time of 1 s. The library's problems last from hundredths
         of a second to minutes: one step for all would say little of any. No step is shorter than
         :func:`least_step`. The step of `default` is the engine's own, and is the same for every
-        mechanism, as it is for who sets nothing; that of `settings` is no longer than it.
+        mechanism, as it is for who sets nothing; that of `settings` is no longer than it. A model
+        file that is moved as it is has its file's.
 
         Args:
             scales: of the mechanism's motion.
             made: as :meth:`engine` makes it.
         """
+        if isinstance(made, GivenModel):
+            return made.of(mechanism_of(self._models[model]))
         in_library = isinstance(self._models.get(model), Problem) and find_benchmark(model)
         options = options_for(made.name, self.options)
         if made.timestep is None or "timestep" in options or not in_library:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,8 @@ import numpy as np
 from ...models.controls import ControlRecord
 from ...models.errors import InputError, shortened
 from ...models.files import read_bytes
+from ...models.mechanism import Mechanism
+from ...models.model_source import ModelSource
 from ..study import ModelStart
 from .compat import CALLBACK, mujoco
 from .planar import PlanarModel, as_name, planar_model
@@ -34,14 +37,49 @@ def read_model(source: str | Path | Any, start: ModelStart) -> PlanarModel:
         if values is not None:
             is_record = isinstance(values, ControlRecord)
             given[what] = values if is_record else np.array(values, dtype=np.float64)
-    return planar_model(model, name, without=start.without, **given)
+    read = planar_model(model, name, without=start.without, **given)
+    return replace(read, mechanism=_with_source(read, source, start))
+
+
+def reread(source: ModelSource) -> PlanarModel:
+    """Read a mechanism again from what it was read from.
+
+    Raises:
+        InputError: the file cannot be read, or the start is not one of it.
+    """
+    record = ControlRecord(np.array(source.control_times), np.array(source.controls))
+    start = ModelStart(None, source.qpos, source.qvel, record, source.without)
+    given = source.path or source.text
+    assert given is not None  # one of the two is there
+    return read_model(given, start)
+
+
+def _with_source(read: PlanarModel, source: str | Path | Any, start: ModelStart) -> Mechanism:
+    """The mechanism, which remembers a file or its text; a compiled model cannot be kept."""
+    if not isinstance(source, str | Path):
+        return read.mechanism
+    is_text = _is_text(source)
+    remembered = ModelSource(
+        path=None if is_text else Path(source).absolute(),
+        text=str(source) if is_text else None,
+        qpos=tuple(read.qpos.tolist()),
+        qvel=tuple(read.qvel.tolist()),
+        control_times=tuple(read.controls.times.tolist()),
+        controls=tuple(map(tuple, read.controls.values.tolist())),
+        without=tuple(sorted(start.without)),
+    )
+    return read.mechanism.model_copy(update={"source": remembered})
+
+
+def _is_text(source: str | Path) -> bool:
+    return isinstance(source, str) and source.lstrip().startswith("<")
 
 
 def _compiled(source: str | Path | Any) -> tuple[Any, str]:
     """The compiled model, and a name for the mechanism."""
     if isinstance(source, mujoco.MjModel):
         return source, _name(source, "model")
-    is_text = isinstance(source, str) and source.lstrip().startswith("<")
+    is_text = _is_text(source)
     where = "the MJCF text" if is_text else str(source)
     if not is_text:
         read_bytes(Path(source), _LARGEST)  # refuses what cannot be read

@@ -12,7 +12,7 @@ from ...models.mechanism import Mechanism
 from ...models.mjcf.variants import POINT_INERTIA
 from ...models.mjcf.writer import MARGIN
 from .. import study
-from ..presets import ASSISTED, DEFAULT, SETTINGS
+from ..presets import ASSISTED, DEFAULT, GIVEN, SETTINGS
 from ..study import (
     Cause,
     Intervention,
@@ -22,6 +22,7 @@ from ..study import (
     SweptParameter,
     Tolerance,
 )
+from .given import GivenMujocoModel
 from .options import effective_solref
 from .rollout import record_episode
 
@@ -31,7 +32,26 @@ _SEEN_INERTIA = 1e-6
 _SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
 
 
+def _causes_of_file(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, ...]:
+    """Causes of a model file's error, moved as it is."""
+    causes = [
+        Cause("integrator", "the rule of a step, of first order but for RK4",
+              Intervention({"integrator": "RK4"})),
+        Cause("implicit damping", "Euler's rule takes the damping of joints implicitly",
+              Intervention({"explicit_damping": True})),
+    ]  # fmt: skip
+    if constraints.angles or constraints.points:
+        text = "limits and loops give way like the springs and dampers that the file gives them"
+        causes.append(Cause("constraint softness", text, Intervention({"stiff": True})))
+    if settings["timestep"] is not None:
+        step = float(settings["timestep"]) / study.REFINEMENT
+        causes.append(study.time_step_cause({"timestep": step}))
+    return tuple(causes)
+
+
 def _causes(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, ...]:
+    if "solref" not in settings:
+        return _causes_of_file(settings, constraints)
     finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / study.REFINEMENT}
     if settings["solref"] is None:  # it would follow the step
         finer["solref"] = _stiffest(settings, constraints)
@@ -172,6 +192,7 @@ def _read_model(source: Any, start: study.ModelStart) -> study.ModelFile:
 
 STUDY = study.EngineStudy(
     read_model=_read_model,
+    as_given=GivenMujocoModel,
     record_episode=record_episode,
     causes=_causes,
     swept_parameters=(
@@ -212,6 +233,9 @@ STUDY = study.EngineStudy(
         SETTINGS: study.StepOrder(
             None, "the limits' softness falls with the step's square, but a step goes over the "
             "kink at a release, wherever that is in it", "RK4, joint coordinates",
+        ),
+        GIVEN: study.StepOrder(
+            None, "integrator, damping and softness are those of the file", "as the file has it",
         ),
         ASSISTED: study.StepOrder(
             2.0, "releases are located, and the limits' softness is scaled with the step: tc = h, "

@@ -95,6 +95,9 @@ IMPULSES = (
     # The forces of its first step, which begins without impulses of one before, are not there after
     # 8 iterations.
     Steps("planck", "default", 4e-3, forces=False),
+    # Releases: a limit acts in the steps that begin beyond it, and gives way by what its softness
+    # is. Positions: up to 100 m/s times a step.
+    Steps("p2", "assisted", 4e-3, limits=Limits(position=1e-1)),
 )
 """Those of first order by impulses in double precision."""
 LOOP_OF_ITS_EXAMPLES = Steps(

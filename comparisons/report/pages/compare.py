@@ -417,7 +417,7 @@ def _work_precision(results: Results) -> Iterator[doc.Figure]:
     """Errors of every run against its cost and its steps: plots of each machine."""
     of_machines = {m.model: work.lines_of(_runs(results, m)) for m in results.machines}
     every = [line for lines in of_machines.values() for line in lines]
-    if not every:
+    if not work.has_errors(every):
         return
     units = {metric.name: metric.unit for run in results.runs for metric in run.metrics}
 

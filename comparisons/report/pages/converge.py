@@ -191,7 +191,7 @@ def _chapter(machine: MachineStudies, made: str) -> Iterator[doc.Block]:
     if machine.pairs:
         yield from _limits(machine)
     lines = [*_work_lines(steps)]
-    if any(run.errors for line in lines for run in line.runs):
+    if work.has_errors(lines):
         drawn = partial(work.panels, lines, machine.units)
         yield work.figure(drawn, work.caption(lines, made), f"{model}-work-precision")
     if others:

@@ -58,6 +58,11 @@ def _seconds(time: float) -> str:
     return f"{1e3 * time:.3g} ms" if time < 1.0 else f"{time:.3g} s"
 
 
+def has_errors(lines: Iterable[WorkLine]) -> bool:
+    """Tell whether there is anything to draw: what stands still has no error in any run."""
+    return any(any(run.errors.values()) for line in lines for run in line.runs)
+
+
 def panels(
     lines: Sequence[WorkLine], units: Mapping[str, str], only: str = "", title: str = ""
 ) -> Panels:
