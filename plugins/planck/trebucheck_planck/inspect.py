@@ -1,25 +1,18 @@
-"""The built planck.js world in single states.
-
-planck.js tells neither mass matrix nor accelerations. What it holds of a mechanism is read back
-from its bodies and
-joints: masses, inertias, centres, anchors, axes, gravity; accelerations and torques are those of
-the equations of motion of the mechanism that this describes.
-"""
+"""The built planck.js world, read back from its bodies and joints."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from trebucheck.engines.inspection import Dynamics, Inspection, State
+from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND, AnyJoint, FreeJoint, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck.reference.equations import Equations
 from trebucheck_toolkit.node_samples import NodeSamples
 from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, turned
+from trebucheck_toolkit.read_back import HeldBody, held_inspection, held_mechanism
 
 from .bridge import PLANCK
 
@@ -34,26 +27,8 @@ def inspect(mechanism: Mechanism, states: Sequence[State], settings: Json) -> In
     read = NodeSamples(
         scene, np.zeros(1), PLANCK.move(described | settings | {"stops": [], "readBack": True})
     )
-    start, held = read.recording(), _held(scene, read.told[0])
-    equations = Equations(held)
-    return Inspection(
-        start=start.q[0],
-        start_speeds=start.u[0],
-        dynamics=tuple(_dynamics(equations, state) for state in states),
-        total_mass=float(sum(body.mass for body in held.bodies)),
-    )
-
-
-def _dynamics(equations: Equations, state: State) -> Dynamics:
-    accelerations, multipliers = equations.solve(state.q, state.u, state.closed)
-    return Dynamics(
-        accelerations=accelerations,
-        stop_torques=dict(
-            zip(state.closed, multipliers[equations.n_loops :].tolist(), strict=True)
-        ),
-        mass_matrix=equations.mass_matrix(state.q),
-        forces=equations.forces(state.q, state.u),
-    )
+    start = read.recording()
+    return held_inspection(_held(scene, read.told[0]), start.q[0], start.u[0], states)
 
 
 def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
@@ -61,43 +36,35 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
     mechanism = scene.mechanism
     joints = [joint for joint in mechanism.joints if not isinstance(joint, FreeJoint)]
     bodies, ends, gravity = np.split(told, [4 * len(mechanism.bodies), len(told) - 2])
-    rows = dict(zip([joint.name for joint in joints], ends.reshape(len(joints), 6), strict=True))
-    size = float(np.hypot(*gravity))
-    changed: dict[str, Any] = {
-        "bodies": tuple(map(_body, mechanism.bodies, bodies.reshape(-1, 4))),
-        "joints": tuple(
-            _joint(scene, joint, rows[joint.name]) if joint.name in rows else joint
-            for joint in mechanism.joints
-        ),
-        "gravity": size,
-        "gravity_direction": tuple((gravity * MIRROR / size).tolist())
-        if size
-        else mechanism.gravity_direction,
-    }
-    # Not validated: rounding does not close the loops to the digits that are asked of a
-    # description.
-    return mechanism.model_copy(update=changed)
-
-
-def _body(body: Body, told: FloatArray) -> Body:
-    mass, inertia, *centre = told.tolist()
-    return body.model_copy(
-        update={"mass": mass, "inertia": inertia, "centre": tuple(np.add(body.centre, centre))}
+    rows = zip(mechanism.bodies, bodies.reshape(-1, 4), strict=True)
+    return held_mechanism(
+        mechanism,
+        {body.name: _body(body, row) for body, row in rows},
+        {
+            joint.name: _joint(scene, joint, row)
+            for joint, row in zip(joints, ends.reshape(len(joints), 6), strict=True)
+        },
+        gravity * MIRROR,
     )
 
 
-def _joint(scene: NodeScene, joint: AnyJoint, told: FloatArray) -> AnyJoint:
-    """Joint with planck.js's anchors and axis, in the frames of the mechanism's bodies."""
-    changed: dict[str, Any] = {}
+def _body(body: Body, told: FloatArray) -> HeldBody:
+    mass, inertia, *centre = told.tolist()
+    return mass, inertia, np.add(body.centre, centre)
+
+
+def _joint(scene: NodeScene, joint: AnyJoint, told: FloatArray) -> dict[str, FloatArray]:
+    """planck.js's anchors and axis, in the frames of the mechanism's bodies."""
+    found: dict[str, FloatArray] = {}
     for field, body, anchor in (
         ("parent_point", joint.parent, told[:2]),
         ("child_point", joint.child, told[2:4]),
     ):
         centre = (0.0, 0.0) if body == GROUND else scene.mechanism.body(body).centre
-        changed[field] = tuple((np.array(centre) + _unturned(scene, body, anchor)).tolist())
+        found[field] = np.array(centre) + _unturned(scene, body, anchor)
     if isinstance(joint, PrismaticJoint | SlotJoint):
-        changed["axis"] = tuple(_unturned(scene, joint.parent, told[4:]).tolist())
-    return joint.model_copy(update=changed)
+        found["axis"] = _unturned(scene, joint.parent, told[4:])
+    return found
 
 
 def _unturned(scene: NodeScene, body: str, vector: FloatArray) -> FloatArray:

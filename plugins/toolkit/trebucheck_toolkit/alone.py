@@ -22,7 +22,9 @@ class BodySteps:
     """The states of a scene's bodies after each step of an engine, and what the steps took.
 
     A step's forces are those at its beginning, where the engine computes them; those of the last
-    sample are those of the last step.
+    sample are those of the last step. Where the engine makes its impulses hold after its positions
+    have moved, they are those at the step's end (`at_end`), and the first sample has the first
+    step's.
 
     Args:
         problem: what is moved.
@@ -36,6 +38,7 @@ class BodySteps:
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
             the engine tells none.
         slop: error of angles that the engine lets be [rad].
+        at_end: whether a step's forces are those at its end.
     """
 
     problem: Problem
@@ -46,6 +49,7 @@ class BodySteps:
     forces: FloatArray | None = None
     torques: Mapping[str, FloatArray] | None = None
     slop: float = 0.0
+    at_end: bool = False
 
     def recording(self, q: FloatArray, u: FloatArray) -> Recording:
         """A recording with the coordinates and speeds that the engine's program has read."""
@@ -61,7 +65,7 @@ class BodySteps:
         torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}
         return replace(
             found,
-            stop_torques={name: _last_repeated(torque) for name, torque in torques.items()},
+            stop_torques={name: self._at_samples(torque) for name, torque in torques.items()},
             release_times={
                 stop.name: self._release(stop, torques[stop.name])
                 if stop.closed and isinstance(stop, Stop)
@@ -100,11 +104,11 @@ class BodySteps:
         for index, joint in enumerate(holding):
             _, velocity = self.samples.point(joint.child, joint.child_point)
             acceleration = np.diff(velocity * MIRROR, axis=0) / np.diff(self.t)[:, None]
-            reactions[joint.name] = _last_repeated(
+            reactions[joint.name] = self._at_samples(
                 self.spread.reaction(joint.name, forces[:, index] * MIRROR, acceleration)
             )
         return reactions
 
-
-def _last_repeated(of_steps: FloatArray) -> FloatArray:
-    return np.concatenate([of_steps, of_steps[-1:]])
+    def _at_samples(self, of_steps: FloatArray) -> FloatArray:
+        parts = [of_steps[:1], of_steps] if self.at_end else [of_steps, of_steps[-1:]]
+        return np.concatenate(parts)
