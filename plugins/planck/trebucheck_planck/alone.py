@@ -84,17 +84,9 @@ def _stops(problem: Problem, scene: NodeScene) -> dict[str, Json]:
 
 def _limits(problem: Problem, scene: NodeScene) -> dict[int, Json]:
     """Options of the joints with limits, by their index."""
-    ranges: dict[int, tuple[float, float]] = {}
-    for stop in _stops(problem, scene).values():
-        low, high = ranges.get(stop["joint"], (-_WIDE, _WIDE))
-        at_least = stop["side"] > 0
-        ranges[stop["joint"]] = (
-            max(low, stop["angle"]) if at_least else low,
-            high if at_least else min(high, stop["angle"]),
-        )
     return {
         joint: {"enableLimit": True, "lowerAngle": low, "upperAngle": high}
-        for joint, (low, high) in ranges.items()
+        for joint, (low, high) in scene.ranges(lawful_stops(problem), _WIDE).items()
     }
 
 

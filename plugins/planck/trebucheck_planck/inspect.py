@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.elements import GROUND, AnyJoint, FreeJoint, PrismaticJoint, SlotJoint
+from trebucheck.models.elements import FreeJoint
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.node_samples import NodeSamples
-from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, turned
-from trebucheck_toolkit.read_back import HeldBody, held_inspection, held_mechanism
+from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene
+from trebucheck_toolkit.read_back import HeldBody, held_inspection, held_joint, held_mechanism
 
 from .bridge import PLANCK
 
@@ -41,7 +41,7 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
         mechanism,
         {body.name: _body(body, row) for body, row in rows},
         {
-            joint.name: _joint(scene, joint, row)
+            joint.name: held_joint(scene, joint, row[:2], row[2:4], row[4:])
             for joint, row in zip(joints, ends.reshape(len(joints), 6), strict=True)
         },
         gravity * MIRROR,
@@ -51,22 +51,3 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
 def _body(body: Body, told: FloatArray) -> HeldBody:
     mass, inertia, *centre = told.tolist()
     return mass, inertia, np.add(body.centre, centre)
-
-
-def _joint(scene: NodeScene, joint: AnyJoint, told: FloatArray) -> dict[str, FloatArray]:
-    """planck.js's anchors and axis, in the frames of the mechanism's bodies."""
-    found: dict[str, FloatArray] = {}
-    for field, body, anchor in (
-        ("parent_point", joint.parent, told[:2]),
-        ("child_point", joint.child, told[2:4]),
-    ):
-        centre = (0.0, 0.0) if body == GROUND else scene.mechanism.body(body).centre
-        found[field] = np.array(centre) + _unturned(scene, body, anchor)
-    if isinstance(joint, PrismaticJoint | SlotJoint):
-        found["axis"] = _unturned(scene, joint.parent, told[4:])
-    return found
-
-
-def _unturned(scene: NodeScene, body: str, vector: FloatArray) -> FloatArray:
-    """A vector of planck.js's frame of a body in the mechanism's."""
-    return turned(-scene.angles[body], vector) * MIRROR

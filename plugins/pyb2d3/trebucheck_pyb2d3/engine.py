@@ -17,20 +17,12 @@ from trebucheck.models.spec import Positive
 
 from .study import STUDY
 
-_ALONE: Mapping[str, object] = {"world_step": None, "keep_limits": True}
-"""Options with which trebucheck takes no part in a run."""
-
-
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
+_FASTER = "lets the world's time run faster, in which the joints' 60 Hz are stiffer"
+_TAKEN_OUT = "takes the limits of stops that are open for good out of the model"
 
 
 class Box2D3Engine(BuiltinEngine):
-    """Box2D 3's world of bodies, joints and limits; every preset's run is a program (:mod:`.alone`).
-
-    Raises:
-        InputError: an option is unknown or outside its range.
-    """
+    """Box2D 3's world; every preset's run is a program of its own (:mod:`.alone`)."""
 
     name: ClassVar[str] = "pyb2d3"
     package: ClassVar[str] = "pyb2d3"
@@ -45,25 +37,20 @@ class Box2D3Engine(BuiltinEngine):
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
+    settings_options: ClassVar[Mapping[str, object] | None] = {
+        "world_step": None,
+        "keep_limits": True,
+    }
+    # `step` has no defaults: step and sub-steps of Box2D's Hello.
     default_options: ClassVar[Mapping[str, object] | None] = {
-        **_ALONE,
-        "timestep": 1 / 60,  # `step` has none: that of Box2D's Hello, and so its four sub-steps
+        **settings_options,
+        "timestep": 1 / 60,
         "allow_sleep": True,
     }
-    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
+        Assistance(Part.UNITS, _FASTER, "world_step", off=None),
         Assistance(
-            Part.UNITS,
-            "lets the world's time run faster, in which the joints' 60 Hz are stiffer",
-            "world_step",
-            off=None,
-        ),
-        Assistance(
-            Part.EVENTS,
-            "takes the limits of stops that are open for good out of the model",
-            "keep_limits",
-            off=True,
-            acts_on=_has_stops,
+            Part.EVENTS, _TAKEN_OUT, "keep_limits", off=True, acts_on=lambda made: bool(made.stops)
         ),
     )
     readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
@@ -88,9 +75,9 @@ class Box2D3Engine(BuiltinEngine):
     )
 
     def _run(self, problem: Problem) -> Recording:
-        from .alone import run
+        from .alone import Plan
 
-        return run(problem, self)
+        return Plan(problem, self).run()
 
     def _script(self, problem: Problem) -> str:
         from .alone import Plan

@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import FreeJoint, Stop
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
 from .node_samples import NodeSamples
 from .node_scene import MIRROR, NodeScene
+
+
+def own_program(title: str) -> Callable[[Any, Mechanism, float], dict[str, str]]:
+    """Snippets of an engine for its study: the program of its run, where nothing assists it.
+
+    Args:
+        title: the engine and its language.
+    """
+
+    def snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+        if engine.assisted_by:
+            return {}
+        return {title: engine.script(Problem(mechanism, duration=duration))}
+
+    return snippets
 
 
 @dataclass(frozen=True)

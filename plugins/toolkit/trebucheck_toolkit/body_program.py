@@ -15,8 +15,8 @@ An engine's own part is its template `alone.py.j2`, which imports the engine and
   other than the ground for the next step;
 - `step()`: takes a step, and returns a list of numbers that the engine tells of it.
 
-It has the values `problem`, `frames`, `names` of the bodies, `text`, `pushed` and `twisted`
-(whether the program calls these functions), and those of the engine.
+It has the values `problem`, `frames`, `names` of the bodies, `text`, `upright`, `pushed` and
+`twisted` (whether the program calls these functions), and those of the engine.
 """
 
 from __future__ import annotations
@@ -109,6 +109,7 @@ def body_program(
         "pushed": bool(calls & {"push", "spring"}),
         "twisted": bool(calls & {"twist", "torsion_spring"}),
         "text": program_text,
+        "upright": upright,
     }
     engine = filled_template(
         module, "alone.py.j2", problem=problem, frames=frames, **shared, **values
@@ -140,6 +141,12 @@ def scene_states(frames: Frames, scene: NodeScene, states: FloatArray) -> FloatA
     names = [body.name for body in scene.mechanism.bodies]
     mirrored[..., 2] -= [scene.angles[name] - frames.turn(name) for name in names]
     return mirrored
+
+
+def upright(vector: Any) -> tuple[float, ...]:
+    """A vector of a scene with y upwards."""
+    mirrored: FloatArray = np.array(vector) * MIRROR
+    return tuple((mirrored + 0.0).tolist())
 
 
 def program_text(value: Any) -> str:

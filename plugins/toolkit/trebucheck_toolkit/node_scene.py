@@ -8,7 +8,7 @@ taken into half a turn where a body is made.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -163,6 +163,23 @@ class NodeScene:
             f"our adapter builds stops for {self.engine} as limits of pins, and stop "
             f"{stop.name!r} is on none."
         )
+
+    def ranges(self, stops: Iterable[AnyStop], wide: float) -> dict[int, Vector]:
+        """Least and greatest angle of each joint with stops [rad], by its index.
+
+        Args:
+            stops: those that are built.
+            wide: size of a limit where no stop is [rad].
+        """
+        ranges: dict[int, Vector] = {}
+        for stop in map(self.stop, stops):
+            low, high = ranges.get(stop["joint"], (-wide, wide))
+            at_least, angle = stop["side"] > 0, stop["angle"]
+            ranges[stop["joint"]] = (
+                max(low, angle) if at_least else low,
+                high if at_least else min(high, angle),
+            )
+        return ranges
 
     def _load(self, element: AnyForceElement) -> Json:
         own: Json = {"kind": element.kind, "body": self.index[element.body]}

@@ -12,9 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import GROUND, AnyJoint, PrismaticJoint, SlotJoint
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.spec import Vector
 from trebucheck.reference.equations import Equations
+
+from .node_scene import MIRROR, NodeScene, turned
 
 HeldBody = tuple[float, float, Sequence[float]]
 """Mass [kg], inertia about the centre of mass [kg m^2], and that centre in the body's frame [m]."""
@@ -64,6 +67,34 @@ def held_mechanism(
     )
 
 
+def held_joint(
+    scene: NodeScene,
+    joint: AnyJoint,
+    parent_anchor: FloatArray,
+    child_anchor: FloatArray,
+    axis: FloatArray | None = None,
+) -> dict[str, FloatArray]:
+    """A joint's points and axis in the frames of the mechanism's bodies.
+
+    Args:
+        scene: what was built.
+        joint: of the mechanism.
+        parent_anchor: in the scene's frame of the parent [m], shape (2,).
+        child_anchor: in that of the child.
+        axis: in that of the parent; None: it is not read.
+    """
+    found: dict[str, FloatArray] = {}
+    for field, body, anchor in (
+        ("parent_point", joint.parent, parent_anchor),
+        ("child_point", joint.child, child_anchor),
+    ):
+        centre = (0.0, 0.0) if body == GROUND else scene.mechanism.body(body).centre
+        found[field] = np.array(centre) + _unturned(scene, body, anchor)
+    if axis is not None and isinstance(joint, PrismaticJoint | SlotJoint):
+        found["axis"] = _unturned(scene, joint.parent, axis)
+    return found
+
+
 def held_inspection(
     held: Mechanism,
     start: FloatArray,
@@ -88,6 +119,11 @@ def held_inspection(
         total_mass=float(sum(body.mass for body in held.bodies)),
         roundoff=roundoff,
     )
+
+
+def _unturned(scene: NodeScene, body: str, vector: FloatArray) -> FloatArray:
+    """A vector of a scene's frame of a body in the mechanism's."""
+    return turned(-scene.angles[body], vector) * MIRROR
 
 
 def _vector(values: Sequence[float] | FloatArray) -> Vector:
