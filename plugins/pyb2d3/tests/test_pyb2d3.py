@@ -311,6 +311,22 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
 
 
+def test_no_world_is_left_behind() -> None:
+    """Box2D has room for 128 worlds; pyb2d3 aborts the process with one more."""
+    import gc
+
+    engine, problem = tb.engine("pyb2d3", "default"), tb.Problem(_rod(), duration=0.05)
+    gc.disable()
+    try:
+        for _ in range(3):
+            engine.simulate(problem)
+            engine.inspect(problem.mechanism, [])  # type: ignore[attr-defined]
+        worlds = [each for each in gc.get_objects() if isinstance(each, pyb2d3.World)]
+    finally:
+        gc.enable()
+    assert worlds == []
+
+
 def _bad_run(queue: Any) -> None:
     """Speeds that no number of single precision holds."""
     try:

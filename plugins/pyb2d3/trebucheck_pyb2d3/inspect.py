@@ -33,4 +33,6 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: Any) -> Insp
             joints[joint.name] = held_joint(plan.scene, joint, *anchors)
     gravity = plan.pace**2 * np.array(built["world"].gravity)
     held = held_mechanism(mechanism, bodies, joints, gravity)
-    return held_inspection(held, built["q"][0], built["u"][0], states, roundoff=2.0**-24)
+    start, start_speeds = built["q"][0], built["u"][0]
+    built.clear()  # its functions hold it, and Box2D has room for 128 worlds
+    return held_inspection(held, start, start_speeds, states, roundoff=2.0**-24)

@@ -132,7 +132,9 @@ def run_program(program: str) -> dict[str, FloatArray]:
     """Run a program here, and return `t`, `q`, `u`, `states` and `told`."""
     found: dict[str, Any] = {}
     exec(compile(program, "<program>", "exec"), found)
-    return {name: found[name] for name in ("t", "q", "u", "states", "told")}
+    arrays = {name: found[name] for name in ("t", "q", "u", "states", "told")}
+    found.clear()  # its functions hold it: an engine's world would stay until cycles are broken
+    return arrays
 
 
 def scene_states(frames: Frames, scene: NodeScene, states: FloatArray) -> FloatArray:
