@@ -22,7 +22,7 @@ from trebucheck.engines.protocol import Recording
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.alone import BodySteps
 from trebucheck_toolkit.node_program import node_program
-from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, lawful_stops
+from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, joint_limits, lawful_stops
 
 from .bridge import PLANCK
 from .options import OWN_SLOPS, PlanckOptions
@@ -85,8 +85,12 @@ def _stops(problem: Problem, scene: NodeScene) -> dict[str, Json]:
 def _limits(problem: Problem, scene: NodeScene) -> dict[int, Json]:
     """Options of the joints with limits, by their index."""
     return {
-        joint: {"enableLimit": True, "lowerAngle": low, "upperAngle": high}
-        for joint, (low, high) in scene.ranges(lawful_stops(problem), _WIDE).items()
+        joint: {
+            "enableLimit": True,
+            "lowerAngle": -_WIDE if low is None else low,
+            "upperAngle": _WIDE if high is None else high,
+        }
+        for joint, (low, high) in joint_limits(problem, scene, within_half_a_turn=False).items()
     }
 
 

@@ -3,7 +3,7 @@
 A body is a dynamic body with its mass data, a pin a revolute joint, a slot a wheel joint without a
 spring, a slider a prismatic joint, a weld a weld joint, a stop the limit of a revolute joint.
 Box2D's springs are soft joints, given by a frequency of whatever mass they hold, not by a
-stiffness; so springs, dampers and motors are forces and torques given before each step.
+stiffness; so springs, dampers and motors are forces given before each step.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.alone import BodySteps
 from trebucheck_toolkit.body_program import UprightScene, body_program, run_program, scene_states
-from trebucheck_toolkit.node_scene import MIRROR, NodeScene, lawful_stops
+from trebucheck_toolkit.node_scene import MIRROR, NodeScene, joint_limits, lawful_stops
 
 WIDEST = 0.99 * math.pi  # [rad] greatest limit that Box2D takes
 ANGLES = 2.8e-5  # [rad] greatest error of the arc tangent by which Box2D's limits measure angles
@@ -55,22 +55,23 @@ class Plan:
         self.names = [each.name for each in original.joints if not isinstance(each, FreeJoint)]
         """Names of the scene's joints."""
         self.stops = {stop.name: self.scene.stop(stop) for stop in stops}
-        ranges = self.scene.ranges(stops, WIDEST).items()
-        self.ranges = {self.names[joint]: (-high, -low) for joint, (low, high) in ranges}
+        limits = joint_limits(self.problem, self.scene, within_half_a_turn=True)
+        self.ranges = {
+            self.names[joint]: (-WIDEST if high is None else -high, WIDEST if low is None else -low)
+            for joint, (low, high) in limits.items()
+        }
         """Least and greatest angle of each joint with stops, anticlockwise [rad]."""
         once = self.problem.stop_law is StopLaw.RELEASE_ONCE and not self.options.keep_limits
         sides = {self.names[stop["joint"]]: -stop["side"] for stop in self.stops.values()}
         self.waiting = sides if once else {}
         """Joints of stops that are to be taken out, with the sign of their opening angles."""
-        if any(abs(stop["angle"]) > WIDEST for stop in self.stops.values()):
+        if any(max(map(abs, ends)) > WIDEST for ends in self.ranges.values()):
             raise UnsupportedProblemError(
-                "Box2D's limits are within 0.99 of half a turn from the angle at the start, and a "
-                "stop is beyond."
+                "Box2D's limits are within 0.99 of half a turn from the start; a stop is beyond."
             )
         if once and len(self.waiting) < len(self.stops):
             raise UnsupportedProblemError(
-                "pyb2d3 sets no limit anew, so that our adapter takes out no single one of two "
-                "stops on a pin."
+                "pyb2d3 sets no limit anew: our adapter takes out none of two stops on a pin."
             )
 
     def program(self) -> str:

@@ -18,15 +18,14 @@ from dataclasses import replace
 import numpy as np
 from trebucheck.engines.point_masses import NoPointMasses, spread_masses
 from trebucheck.engines.protocol import Recording
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.alone import BodySteps
+from trebucheck_toolkit.gap_releases import OPENING, releases
 from trebucheck_toolkit.node_program import node_program
-from trebucheck_toolkit.node_scene import MIRROR, Json, lawful_stops
+from trebucheck_toolkit.node_scene import MIRROR, Json, joint_limits
 
 from .bridge import RAPIER
 from .build import Built
-from .motion import releases
 from .options import OWN, RapierOptions
 
 
@@ -40,7 +39,7 @@ def run_alone(problem: Problem, options: RapierOptions) -> Recording:
     arrays = RAPIER.arrays(_program(problem, options, spread, built, binary=True))
     steps = BodySteps(problem, built, spread, arrays["t"], arrays["states"])
     recording = steps.recording(arrays["q"], arrays["u"])
-    return replace(recording, release_times=releases(steps.samples, options.opening))
+    return replace(recording, release_times=releases(steps.samples, options.opening or OPENING))
 
 
 def script(problem: Problem, options: RapierOptions) -> str:
@@ -57,30 +56,6 @@ def _built(problem: Problem, options: RapierOptions) -> tuple[NoPointMasses, Bui
     return spread, Built(spread.mechanism, options.carriage)
 
 
-def limits_once(problem: Problem, built: Built) -> dict[int, tuple[float, float]]:
-    """Limits of joints by their index, clockwise angles from the start [rad].
-
-    Raises:
-        UnsupportedProblemError: a stop is half a turn or more from the start.
-    """
-    ranges: dict[int, tuple[float, float]] = {}
-    for stop in lawful_stops(problem):
-        made = built.stop(stop)
-        joint, angle = made["joint"], made["angle"]
-        if abs(angle) >= math.pi:
-            raise UnsupportedProblemError(
-                f"our adapter sets limits of Rapier's joints within half a turn from the start, as "
-                f"Rapier knows an angle within that; stop {stop.name!r} is {angle:.3g} rad from it."
-            )
-        low, high = ranges.get(joint, (-math.pi, math.pi))
-        at_least = made["side"] > 0
-        ranges[joint] = (
-            max(low, angle) if at_least else low,
-            high if at_least else min(high, angle),
-        )
-    return ranges
-
-
 def _program(
     problem: Problem,
     options: RapierOptions,
@@ -89,11 +64,17 @@ def _program(
     *,
     binary: bool = False,
 ) -> str:
-    limits, joints = limits_once(problem, built), list[Json]()
+    limits, joints = joint_limits(problem, built, within_half_a_turn=True), list[Json]()
     names = {index: name for name, index in built.index.items()}
     for index, joint in enumerate(built.joints):
-        ends = {"a": names[joint["a"]], "b": names[joint["b"]]}
-        joints.append({**ends, "call": _call(joint), "limits": limits.get(index)})
+        ends: Json = {"a": names[joint["a"]], "b": names[joint["b"]], "limits": None}
+        if index in limits:
+            low, high = limits[index]
+            ends["limits"] = (
+                -math.pi if low is None else low,
+                math.pi if high is None else high,
+            )
+        joints.append({**ends, "call": _call(joint)})
     return node_program(
         __name__,
         built,

@@ -14,12 +14,13 @@ from trebucheck.models.elements import SlotJoint
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck_toolkit.gap_releases import OPENING, releases
 from trebucheck_toolkit.node_samples import NodeSamples, sample_times
+from trebucheck_toolkit.node_scene import joint_limits
 
-from .alone import limits_once, run_alone, script
+from .alone import run_alone, script
 from .bridge import RAPIER
 from .build import Built
-from .motion import releases
 from .options import OWN, RapierOptions
 from .study import STUDY
 
@@ -143,8 +144,8 @@ class RapierEngine(RapierOptions, BuiltinEngine):
         built = Built(spread.mechanism, self.carriage)
         t = sample_times(problem.duration, self.timestep, fit=self.fit_steps)
         step = problem.duration / (len(t) - 1) if self.fit_steps else self.timestep
-        if not self.move_limits:
-            limits_once(problem, built)  # refuses those that cannot be set so
+        if not self.move_limits:  # those that cannot be set once are refused
+            joint_limits(problem, built, within_half_a_turn=True)
         scene = built.description(problem, step, len(t) - 1) | {
             "substeps": self.substeps,
             "passes": self.passes,
@@ -156,9 +157,8 @@ class RapierEngine(RapierOptions, BuiltinEngine):
         samples = NodeSamples(built, t, RAPIER.move(scene))
         found = samples.recording()
         potential = found.potential_energy - spread.extra_potential_energy
-        return replace(
-            found, potential_energy=potential, release_times=releases(samples, self.opening)
-        )
+        times = releases(samples, self.opening or OPENING)
+        return replace(found, potential_energy=potential, release_times=times)
 
     def _script(self, problem: Problem) -> str:
         return script(problem, self)

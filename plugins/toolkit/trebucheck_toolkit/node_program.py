@@ -11,6 +11,9 @@ An engine's own part is its template `alone.mjs.j2`, with functions
 - `state(name)`: x, y, angle, and their rates of a body;
 - `apply(name, force, torque)`: given to a body for the next step;
 - `step()`: takes a step, and returns numbers that it tells of it.
+
+An engine that knows angles within a turn only calls `counted(name, angle)` in `state`, for the
+angle counted on from the start. Each body turns by less than half a turn in a step.
 """
 
 from __future__ import annotations
@@ -51,6 +54,7 @@ def node_program(
     timestep: float,
     *,
     binary: bool = False,
+    tells: bool = False,
     **values: Any,
 ) -> str:
     """The program of a run.
@@ -61,6 +65,7 @@ def node_program(
         problem: for its duration and force elements.
         timestep: [s].
         binary: write arrays as bytes, not as JSON: long runs have millions of numbers.
+        tells: write what the engine's part returns of `built()`, too, and take no step.
         values: of the engine's part, which has `names` of the bodies and `text` besides.
     """
     mechanism = scene.mechanism
@@ -72,7 +77,8 @@ def node_program(
         engine=engine,
         names=names,
         timestep=timestep,
-        steps=whole_steps(problem.duration, timestep),
+        steps=0 if tells else whole_steps(problem.duration, timestep),
+        tells=tells,
         loads=[line for each in mechanism.force_elements for line in _LOADS[each](scene, each)],
         angles=[
             (body.name, scene.angles[body.name])

@@ -8,7 +8,8 @@ taken into half a turn where a body is made.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,38 @@ def lawful_stops(problem: Problem) -> list[AnyStop]:
     """The stops that have a part in a problem: under release-once those that are closed."""
     once = problem.stop_law is StopLaw.RELEASE_ONCE
     return [stop for stop in problem.mechanism.stops if stop.closed or not once]
+
+
+def joint_limits(
+    problem: Problem, scene: NodeScene, *, within_half_a_turn: bool
+) -> dict[int, tuple[float | None, float | None]]:
+    """Limits of joints by their index, angles from the start [rad]; None: no limit on that side.
+
+    Args:
+        problem: for its stops and their law.
+        scene: what is moved.
+        within_half_a_turn: whether the engine knows no angle beyond.
+
+    Raises:
+        UnsupportedProblemError: the engine knows no angle beyond half a turn, and a stop is there.
+    """
+    ranges: dict[int, tuple[float | None, float | None]] = {}
+    for stop in lawful_stops(problem):
+        made = scene.stop(stop)
+        joint, angle = made["joint"], made["angle"]
+        if within_half_a_turn and abs(angle) >= math.pi:
+            raise UnsupportedProblemError(
+                f"our adapter sets limits of {scene.engine}'s joints within half a turn from the "
+                f"start, as {scene.engine} knows an angle within that; stop {stop.name!r} is "
+                f"{angle:.3g} rad from it."
+            )
+        low, high = ranges.get(joint, (None, None))
+        if made["side"] > 0:
+            low = angle if low is None else max(low, angle)
+        else:
+            high = angle if high is None else min(high, angle)
+        ranges[joint] = low, high
+    return ranges
 
 
 class NodeScene:
@@ -163,23 +196,6 @@ class NodeScene:
             f"our adapter builds stops for {self.engine} as limits of pins, and stop "
             f"{stop.name!r} is on none."
         )
-
-    def ranges(self, stops: Iterable[AnyStop], wide: float) -> dict[int, Vector]:
-        """Least and greatest angle of each joint with stops [rad], by its index.
-
-        Args:
-            stops: those that are built.
-            wide: size of a limit where no stop is [rad].
-        """
-        ranges: dict[int, Vector] = {}
-        for stop in map(self.stop, stops):
-            low, high = ranges.get(stop["joint"], (-wide, wide))
-            at_least, angle = stop["side"] > 0, stop["angle"]
-            ranges[stop["joint"]] = (
-                max(low, angle) if at_least else low,
-                high if at_least else min(high, angle),
-            )
-        return ranges
 
     def _load(self, element: AnyForceElement) -> Json:
         own: Json = {"kind": element.kind, "body": self.index[element.body]}

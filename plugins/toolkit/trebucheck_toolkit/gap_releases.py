@@ -1,20 +1,20 @@
-"""Opening times of stops, which Rapier does not report."""
+"""Releases of stops of engines that tell no forces of limits, from how their gaps grow."""
 
 from __future__ import annotations
 
 import numpy as np
 from trebucheck.models.elements import Stop
-from trebucheck_toolkit.node_samples import NodeSamples
 
-_OPENING = 1e-3
+from .node_samples import NodeSamples
+
+OPENING = 1e-3
 """[rad] where no option says it: steps of 1/60 s let a held stop of the paper's machines give way
 by half of it."""
 _GROWN = 27.0  # a release is looked back for from a gap of `opening` to this many times that
 
 
-def releases(samples: NodeSamples, opening: float | None) -> dict[str, float | None]:
-    """Releases of the stops closed at the start: the gap exceeds `opening` [rad]."""
-    opening = opening or _OPENING
+def releases(samples: NodeSamples, opening: float = OPENING) -> dict[str, float | None]:
+    """Releases of the stops closed at the start [s]: the gap exceeds `opening` [rad]."""
     stops = samples.scene.mechanism.stops
     return {
         each.name: _release(samples, each, opening)

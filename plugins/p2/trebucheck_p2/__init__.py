@@ -1,0 +1,1 @@
+"""p2-es as an engine of trebucheck."""
