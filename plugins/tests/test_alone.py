@@ -47,6 +47,10 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "velocity_iterations", "position_iterations", "allow_sleep"}),
         ("fixed", "rolling", "slider-crank", "welded-rods", "motor", "spring-pendulum", "bead"),
     ),
+    "pyb2d3": Case(
+        frozenset({"timestep", "sub_steps", "allow_sleep"}),
+        ("fixed", "rolling", "slider-crank", "welded-rods", "motor", "spring-pendulum", "bead"),
+    ),
     "planck": Case(
         frozenset({"timestep", "first_iterations", "velocity_iterations", "position_iterations"})
         | {"linear_slop", "angular_slop", "allow_sleep"},

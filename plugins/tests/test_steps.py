@@ -76,6 +76,17 @@ SINGLE = (
     # what rounding leaves of it. Torques: a step's change of speed in single precision, 1e3 times
     # by the matrix of pin and limit. Positions: first order, 1e-2 m at this step.
     Steps("box2d", "assisted", 8e-3, limits=Limits(release=5e-3, torque=2e-2, position=1e-2)),
+    # From 4 ms on joints of 60 Hz give way by what leaves 8e-3 m, until the world's time runs
+    # faster. Positions: first order, 40 m/s times a sub-step. Torques: joints begin without
+    # impulses, and a stop's first torques are none; forces are of the joints' softness and not of
+    # the step.
+    Steps(
+        "pyb2d3",
+        "assisted",
+        16e-3,
+        limits=Limits(release=2e-3, torque=None, position=1e-2),
+        forces=False,
+    ),
     # Releases: speeds of some 5e-3 rad/s are the rounding of a limit; the opening gap has that
     # speed after 1e-2 s. Positions: 6e-3 m at 8 ms are 7e-4 m at 1 ms; and a thousandth of a mass
     # in the slot, on 20 m of way.

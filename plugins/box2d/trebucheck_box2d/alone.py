@@ -11,33 +11,16 @@ The run is the program that :func:`script` writes, executed here: what it leaves
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import Box2D
 import numpy as np
-from trebucheck.engines import study
-from trebucheck.engines.events import whole_steps
 from trebucheck.engines.point_masses import NoPointMasses, spread_masses
 from trebucheck.engines.protocol import Recording
-from trebucheck.models.elements import (
-    FORCE_ELEMENTS,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
-    ElementTable,
-    RecordedForce,
-    RecordedTorque,
-    RotationalSpringDamper,
-    RotorInertia,
-    SlideSpringDamper,
-    SpringDamper,
-)
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.alone import BodySteps
+from trebucheck_toolkit.body_program import body_program, run_program, scene_states
 from trebucheck_toolkit.node_scene import MIRROR, NodeScene, lawful_stops
 
-from .build import Plan, Vector
+from .build import Plan
 from .options import Box2DOptions
 
 
@@ -48,22 +31,17 @@ def run_alone(problem: Problem, options: Box2DOptions) -> Recording:
         UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.
     """
     spread, plan = _plan(problem, options)
-    found: dict[str, Any] = {}
-    exec(_program(problem, options, spread, plan), found)
-    steps = len(found["t"]) - 1
-    # Without the ground, to the scene's axes.
+    found = run_program(_program(problem, options, spread, plan))
     scene = NodeScene(spread.mechanism, "box2d")
-    states = found["states"][:, 1:] * np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
-    states[..., 2] -= [scene.angles[body.name] for body in plan.bodies]
-    pins = np.reshape(found["torques"], (steps, -1))
+    forces, pins = np.split(found["told"], [2 * len(plan.joints)], axis=1)
     limited = _limited(plan)
     return BodySteps(
         problem,
         scene,
         spread,
         found["t"],
-        states,
-        forces=np.reshape(found["forces"], (steps, len(plan.joints), 2)) * MIRROR,
+        scene_states(plan, scene, found["states"]),
+        forces=forces.reshape(len(forces), len(plan.joints), 2) * MIRROR,
         torques={
             name: np.maximum(0.0, limit.sense * pins[:, limited.index(plan.pins[limit.index])])
             for name, limit in plan.limits.items()
@@ -98,86 +76,13 @@ def _limited(plan: Plan) -> list[str]:
 
 
 def _program(problem: Problem, options: Box2DOptions, spread: NoPointMasses, plan: Plan) -> str:
-    mechanism = problem.mechanism
-    loads = [line for each in mechanism.force_elements for line in _LOADS[each](plan, each)]
-    return study.filled_template(
+    return body_program(
         __name__,
-        "alone.py.j2",
+        plan,
+        problem,
+        options.timestep,
         options=options,
-        steps=whole_steps(problem.duration, options.timestep),
         plan=plan,
         moves_mass=bool(spread.moved),
         limited=_limited(plan),
-        loads=loads,
-        calls={line.partition("(")[0] for line in loads},
-        forces=any(isinstance(each, _ON_POINTS) for each in mechanism.force_elements),
-        angles=[body.name for body in mechanism.bodies if body.angle is not None],
-        slides=_slides(plan),
-        text=_text,
     )
-
-
-def _slides(plan: Plan) -> list[str]:
-    """Arguments of the program's `slide` for each slide coordinate."""
-    slides: list[str] = []
-    for slide in plan.mechanism.slides:
-        joint = slide.joint
-        ends = (joint.parent, joint.parent_point), (joint.child, joint.child_point)
-        points = (f"{body!r}, {complex(*plan.anchor(body, point))!r}" for body, point in ends)
-        slides.append(f"{', '.join(points)}, {complex(slide.direction)!r}")
-    return slides
-
-
-def _text(value: Any) -> str:
-    """A value as Python reads it, numbers as float64."""
-    if isinstance(value, tuple):
-        return f"({', '.join(map(_text, value))})"
-    return repr(value + 0.0) if isinstance(value, float) else repr(value)
-
-
-# --- Forces and torques of a step
-
-
-def _end(plan: Plan, body: str, point: Vector) -> str:
-    return f"{body!r}, {_text(plan.anchor(body, point))}"
-
-
-def _force(plan: Plan, element: ConstantForce) -> list[str]:
-    at = f"point({_end(plan, element.body, element.point)})[0]"
-    return [f"push({element.body!r}, {at}, {complex(*element.force)!r})"]
-
-
-def _torque(plan: Plan, element: ConstantTorque) -> list[str]:
-    both = (element.body, -element.torque), (element.relative_to, element.torque)
-    return [f"bodies[{body!r}].ApplyTorque({torque!r}, True)" for body, torque in both]
-
-
-def _spring(plan: Plan, element: SpringDamper) -> list[str]:
-    ends = (element.body, element.point), (element.relative_to, element.relative_point)
-    law = _text((element.stiffness, element.damping, element.rest_length))[1:-1]
-    return [f"spring({', '.join(_end(plan, *end) for end in ends)}, {law})"]
-
-
-def _torsion_spring(plan: Plan, element: RotationalSpringDamper) -> list[str]:
-    law = _text((element.stiffness, element.damping, element.rest_angle))[1:-1]
-    return [f"torsion_spring({element.body!r}, {element.relative_to!r}, {law})"]
-
-
-_ON_POINTS = (ConstantForce, SpringDamper)
-_LOADS: ElementTable[Callable[[Plan, Any], list[str]]] = ElementTable(
-    "the program for Box2D",
-    FORCE_ELEMENTS,
-    {
-        ConstantForce: _force,
-        ConstantTorque: _torque,
-        SpringDamper: _spring,
-        RotationalSpringDamper: _torsion_spring,
-    },
-    {
-        CubicTorsionSpring: "its springs are linear",
-        RotorInertia: "our adapter adds no inertia between two bodies",
-        SlideSpringDamper: "our adapter builds no springs along slides",
-        RecordedForce: "our adapter follows no record of efforts",
-        RecordedTorque: "our adapter follows no record of efforts",
-    },
-)

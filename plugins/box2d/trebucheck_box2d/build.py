@@ -117,6 +117,18 @@ class Plan:
         centre = self.centres[body]
         return point[0] - centre[0], point[1] - centre[1]
 
+    def place(self, body: str, point: Vector) -> complex:
+        """The same as a complex number."""
+        return complex(*self.anchor(body, point))
+
+    def direction(self, _: str, vector: Vector) -> complex:
+        """A vector of a body in Box2D's frame, which is not turned."""
+        return complex(*vector)
+
+    def turn(self, _: str) -> float:
+        """Clockwise angle of a body where Box2D's is zero [rad]."""
+        return 0.0
+
     def _limit(self, stop: AnyStop, set_back: float) -> Limit:
         """A stop as the end of a pin's range, anticlockwise, lying beyond it by an angle [rad]."""
         pins = (joint for joint in self.mechanism.joints if isinstance(joint, PinJoint))

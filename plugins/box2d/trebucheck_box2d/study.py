@@ -19,8 +19,7 @@ from trebucheck.engines.study import (
     Tolerance,
     time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -57,12 +56,6 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )
 
 
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Box2D in Python": engine.script(Problem(mechanism, duration=duration))}
-
-
 _SCHEME = "semi-implicit Euler, impulses"
 _REASON = "semi-implicit Euler in Cartesian coordinates, down to what single precision leaves"
 _TORQUE = "a step's change of speed in single precision, 1e3 times by the matrix of pin and limit"
@@ -70,7 +63,7 @@ STUDY = EngineStudy(
     causes=_causes,
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("Box2D in Python"),
     single_precision=lambda _: True,
     tolerances=(
         Tolerance(

@@ -19,8 +19,7 @@ from trebucheck.engines.study import (
     Tolerance,
     time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -57,19 +56,13 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )
 
 
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"planck.js in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
 _SCHEME = "semi-implicit Euler, impulses"
 _REASON = "semi-implicit Euler in Cartesian coordinates"
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("planck.js in Node.js"),
     tolerances=(
         Tolerance(
             ASSISTED, "position_max", 1e-2, 1e-4, 1, "first order: up to 100 m/s times a step"

@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import FreeJoint, Stop
+from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
 from .node_samples import NodeSamples
 from .node_scene import MIRROR, NodeScene
+
+
+def own_program(title: str) -> Callable[[Any, Mechanism, float], dict[str, str]]:
+    """Snippets of an engine for its study: the program of its run, where nothing assists it.
+
+    Args:
+        title: the engine and its language.
+    """
+
+    def snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+        if engine.assisted_by:
+            return {}
+        return {title: engine.script(Problem(mechanism, duration=duration))}
+
+    return snippets
 
 
 @dataclass(frozen=True)
@@ -22,7 +39,9 @@ class BodySteps:
     """The states of a scene's bodies after each step of an engine, and what the steps took.
 
     A step's forces are those at its beginning, where the engine computes them; those of the last
-    sample are those of the last step.
+    sample are those of the last step. Where the engine makes its impulses hold after its positions
+    have moved, they are those at the step's end (`at_end`), and the first sample has the first
+    step's.
 
     Args:
         problem: what is moved.
@@ -36,6 +55,7 @@ class BodySteps:
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
             the engine tells none.
         slop: error of angles that the engine lets be [rad].
+        at_end: whether a step's forces are those at its end.
     """
 
     problem: Problem
@@ -46,6 +66,7 @@ class BodySteps:
     forces: FloatArray | None = None
     torques: Mapping[str, FloatArray] | None = None
     slop: float = 0.0
+    at_end: bool = False
 
     def recording(self, q: FloatArray, u: FloatArray) -> Recording:
         """A recording with the coordinates and speeds that the engine's program has read."""
@@ -61,7 +82,7 @@ class BodySteps:
         torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}
         return replace(
             found,
-            stop_torques={name: _last_repeated(torque) for name, torque in torques.items()},
+            stop_torques={name: self._at_samples(torque) for name, torque in torques.items()},
             release_times={
                 stop.name: self._release(stop, torques[stop.name])
                 if stop.closed and isinstance(stop, Stop)
@@ -100,11 +121,11 @@ class BodySteps:
         for index, joint in enumerate(holding):
             _, velocity = self.samples.point(joint.child, joint.child_point)
             acceleration = np.diff(velocity * MIRROR, axis=0) / np.diff(self.t)[:, None]
-            reactions[joint.name] = _last_repeated(
+            reactions[joint.name] = self._at_samples(
                 self.spread.reaction(joint.name, forces[:, index] * MIRROR, acceleration)
             )
         return reactions
 
-
-def _last_repeated(of_steps: FloatArray) -> FloatArray:
-    return np.concatenate([of_steps, of_steps[-1:]])
+    def _at_samples(self, of_steps: FloatArray) -> FloatArray:
+        parts = [of_steps[:1], of_steps] if self.at_end else [of_steps, of_steps[-1:]]
+        return np.concatenate(parts)

@@ -1,0 +1,1 @@
+"""Box2D 3 as an engine of trebucheck, by pyb2d3."""
