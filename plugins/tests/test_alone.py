@@ -71,6 +71,11 @@ CASES: Mapping[str, Case] = {
         | {"solref", "solimp", "margin"},
         ("fixed", "slider-crank", "spring-pendulum"),
     ),
+    # Neither slots nor limits.
+    "matter": Case(
+        frozenset({"timestep", "iterations", "stiffness", "air_friction", "pixels"}),
+        ("double-pendulum", "n-four-bar", "welded-rods", "motor", "spring-pendulum"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),
@@ -80,6 +85,9 @@ CASES: Mapping[str, Case] = {
 
 def _run(name: str, program: str) -> dict[str, Any]:
     """Run a program: the names of its module in Python, or what it prints in Node.js."""
+    npm = getattr(type(tb.engine(name)), "npm", None)
+    if npm is not None:
+        return {k: np.array(v) for k, v in npm.run(program).items()}
     if name == "planck":
         from trebucheck_planck.bridge import PLANCK
 

@@ -95,6 +95,9 @@ IMPULSES = (
     # The forces of its first step, which begins without impulses of one before, are not there after
     # 8 iterations.
     Steps("planck", "default", 4e-3, forces=False),
+    # It tells no forces; its pins hold bodies of little inertia at steps below 4e-3 s.
+    Steps("matter", "assisted", 2e-3, forces=False),
+    Steps("matter", "settings", 2e-3, forces=False),
 )
 """Those of first order by impulses in double precision."""
 LOOP_OF_ITS_EXAMPLES = Steps(

@@ -76,8 +76,7 @@ class MatterEngine(NodeEngine):
         located_releases=False,
         stop_laws=frozenset(),
         formulation="Cartesian coordinates, pins by corrections of positions, Verlet",
-        features=frozenset(Feature)
-        - {Feature.MOVING_SLOT, Feature.MOVING_WALL, Feature.PRISMATIC},
+        features=frozenset(Feature) - {Feature.MOVING_SLOT, Feature.MOVING_WALL, Feature.PRISMATIC},
         lacking=frozenset({Basic.SLOT, Basic.STOP, Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}

@@ -56,9 +56,7 @@ _REASON = "Verlet's step from a start of speeds, and corrections of positions af
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
-        DEFAULT: StepOrder(
-            None, "air friction and the unit of length stay at every step", _SCHEME
-        ),
+        DEFAULT: StepOrder(None, "air friction and the unit of length stay at every step", _SCHEME),
         **{preset: StepOrder(1.0, _REASON, _SCHEME) for preset in (SETTINGS, ASSISTED)},
     },
     refinements=(
