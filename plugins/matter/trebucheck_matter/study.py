@@ -82,11 +82,11 @@ STUDY = EngineStudy(
     title="matter-js",
     binding="the npm package `matter-js`, moved by Node.js",
     maintainers_note=MaintainersNote(
-        chosen="`default` sets nothing: every body loses a hundredth of its speed in 1/60 s, pins "
-        "of slender bodies fly apart at that step, and 100 pixels make a metre; `settings` has no "
-        "air friction, shorter steps, and pixels so small that what a pin adds to an inertia, a "
-        "pixel^2 for each kilogram, is nothing: {{ plain.agrees }} problems agree where nothing is "
-        "set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
+        chosen="`default` sets nothing: each step takes a hundredth of every speed, pins of "
+        "slender bodies fly apart, and a hundred pixels make a metre; `settings` has no air "
+        "friction, shorter steps, and pixels so small that what a pin adds to an inertia, a "
+        "square pixel for each kilogram, is nothing: {{ plain.agrees }} problems agree where "
+        "nothing is set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
         not_possible="Its one joint is a distance between two points: it has no slots, sliders or "
         "limits, and tells no forces; our adapter builds no stops by contacts of shapes, a weld "
         "as two pins, and gives springs as forces.",
