@@ -80,6 +80,11 @@ CASES: Mapping[str, Case] = {
         | {"single_precision"},
         ("fixed", "rolling", "slider-crank", "welded-rods", "motor", "spring-pendulum", "bead"),
     ),
+    # Neither slots nor limits.
+    "matter": Case(
+        frozenset({"timestep", "iterations", "stiffness", "air_friction", "pixels"}),
+        ("double-pendulum", "n-four-bar", "welded-rods", "motor", "spring-pendulum"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

@@ -109,6 +109,9 @@ IMPULSES = (
     # Releases: a limit acts in the steps that begin beyond it, and gives way by what its softness
     # is. Positions: up to 100 m/s times a step.
     Steps("p2", "assisted", 4e-3, limits=Limits(position=1e-1)),
+    # It tells no forces; its pins hold bodies of little inertia at steps below 4e-3 s.
+    Steps("matter", "assisted", 2e-3, forces=False),
+    Steps("matter", "settings", 2e-3, forces=False),
 )
 """Those of first order by impulses in double precision."""
 LOOP_OF_ITS_EXAMPLES = Steps(

@@ -1,0 +1,1 @@
+"""matter-js as an engine of trebucheck."""
