@@ -20,10 +20,12 @@ from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
+from trebucheck.engines.supplied import Assistance, Part
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
 from trebucheck_toolkit.node_scene import NodeScene
@@ -33,6 +35,7 @@ from .study import STUDY
 OWN: Mapping[str, Any] = {
     "timestep": 1 / 60,
     "collision_steps": 1,
+    "first_velocity_steps": 10,
     "velocity_steps": 10,
     "position_steps": 2,
     "baumgarte": 0.2,
@@ -43,6 +46,7 @@ OWN: Mapping[str, Any] = {
     "allow_sleep": True,
 }
 """Jolt's own options; `Step` has no step size of its own: that of Jolt's HelloWorld.cpp."""
+_ALONE = {**ALONE, "hold": False}
 Steps = Annotated[int, Field(ge=1, le=100_000)]
 
 
@@ -53,14 +57,17 @@ class JoltEngine(NodeEngine):
         InputError: an option is unknown or outside its range.
     """
 
-    timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
+    timestep: Positive = Field(default=2.5e-4, le=1.0, description="step size [s]")
     collision_steps: Steps = Field(default=1, description="parts of each step")
-    velocity_steps: Steps = Field(default=100, description="iterations of impulses in each part")
+    first_velocity_steps: Steps = Field(
+        default=10_000, description="iterations of impulses in the first step, which begins without"
+    )
+    velocity_steps: Steps = Field(default=100, description="iterations of impulses in each step")
     position_steps: Steps = Field(
-        default=10, description="iterations that move bodies to where their joints are"
+        default=1, description="iterations that move bodies to where their joints are"
     )
     baumgarte: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=0.2, description="part of a joint's gap that such an iteration takes back"
+        default=1.0, description="part of a joint's gap that such an iteration takes back"
     )
     damping: Annotated[float, Field(ge=0.0)] = Field(
         default=0.0, description="rate at which every body loses its speeds [1/s]"
@@ -73,6 +80,8 @@ class JoltEngine(NodeEngine):
         default=True, description="let bodies move in the plane only; else joints hold them there"
     )
 
+    hold: bool = Field(default=True, description="hold closed stops from both sides till they pull")
+
     npm: ClassVar[NodePackage] = NodePackage(
         "Jolt Physics",
         "jolt-physics",
@@ -83,6 +92,7 @@ class JoltEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-jolt"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
+    slop: ClassVar[float] = OPENING
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
@@ -94,8 +104,18 @@ class JoltEngine(NodeEngine):
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}
-    settings_options: ClassVar[Mapping[str, object] | None] = ALONE
+    default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
+    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (
+        Assistance(
+            Part.EVENTS,
+            "holds a stop from both sides while it pushes, and lets it go where it would pull",
+            "hold",
+            off=False,
+            acts_on=lambda mechanism: bool(mechanism.stops),
+        ),
+        *(NodeEngine.assistance or ()),
+    )
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Inspect the built world in each state; its numbers are of single precision.
@@ -107,7 +127,7 @@ class JoltEngine(NodeEngine):
 
     def _values(self, scene: NodeScene) -> Mapping[str, Any]:
         physics = {
-            "mNumVelocitySteps": "velocity_steps",
+            "mNumVelocitySteps": "first_velocity_steps",
             "mNumPositionSteps": "position_steps",
             "mBaumgarte": "baumgarte",
         }
@@ -119,9 +139,12 @@ class JoltEngine(NodeEngine):
             "mApplyGyroscopicForce": "gyroscopic_force",
             "mAllowSleeping": "allow_sleep",
         }
+        # In the plane Jolt would lock its rotation with these two, whose axes rounding tilts.
+        tilts = () if self.plane else ("RotationY", "RotationZ")
         return {
             "physics": self._set(physics),
-            "body_options": self._set(bodies),
+            "motion": self._set(bodies),
+            "slot_axes": ["TranslationX", "TranslationZ", *tilts],
             "reaches": [_reach(scene, index) for index in range(len(scene.bodies))],
         }
 
