@@ -1,7 +1,7 @@
 """Jolt Physics: rigid bodies held in a plane, joints and limits by impulses, single precision.
 
 A body is a dynamic body with its mass and inertia that may move in the plane only; a pin a hinge, a
-weld a fixed constraint, a slider a slider constraint, a slot a constraint of six axes of which one
+slider a slider constraint, a weld and a slot constraints of six axes: all of them are fixed, or one
 translation and the rotation about z are free. A stop is a limit of a hinge and stays there for the
 whole run; those that a release-once law leaves out are left out. Springs, dampers and motors are
 forces and torques given to the bodies before each step.
@@ -139,11 +139,13 @@ class JoltEngine(NodeEngine):
             "mApplyGyroscopicForce": "gyroscopic_force",
             "mAllowSleeping": "allow_sleep",
         }
+        axes = [f"{kind}{axis}" for kind in ("Translation", "Rotation") for axis in "XYZ"]
         # In the plane Jolt would lock its rotation with these two, whose axes rounding tilts.
         tilts = () if self.plane else ("RotationY", "RotationZ")
         return {
             "physics": self._set(physics),
             "motion": self._set(bodies),
+            "axes": axes,
             "slot_axes": ["TranslationX", "TranslationZ", *tilts],
             "reaches": [_reach(scene, index) for index in range(len(scene.bodies))],
         }
