@@ -56,6 +56,12 @@ CASES: Mapping[str, Case] = {
         | {"linear_slop", "angular_slop", "allow_sleep"},
         ("fixed", "slider-crank", "spring-pendulum", "bead"),
     ),
+    "jolt": Case(
+        frozenset({"timestep", "collision_steps", "first_velocity_steps", "velocity_steps"})
+        | {"position_steps", "baumgarte", "damping", "max_linear_velocity", "max_angular_velocity"}
+        | {"gyroscopic_force", "allow_sleep", "plane"},
+        ("fixed", "slider-crank", "welded-rods", "spring-pendulum", "bead"),
+    ),
     "opensim": Case(
         frozenset({"timestep", "integrator", "accuracy", "samples"})
         | {"limit_stiffness", "limit_damping", "limit_transition"},

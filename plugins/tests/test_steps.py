@@ -98,6 +98,8 @@ SINGLE = (
         forces=False,
     ),
     Steps("rapier", "default", 16e-3, forces=False),
+    # As with Box2D, at speeds of single precision too.
+    Steps("jolt", "assisted", 8e-3, limits=Limits(release=5e-3, torque=2e-2, position=1e-2)),
 )
 """Those of first order and single precision."""
 IMPULSES = (

@@ -1,0 +1,215 @@
+"""Jolt's defaults, and Jolt against the reference and closed forms; the rest is in
+`plugins/tests`."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.models.library.registry import benchmark
+from trebucheck.reference.solver import solve
+from trebucheck_jolt.engine import OWN, JoltEngine
+
+FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
+EPSILON = 2.0**-24  # of single precision
+GRAVITY, MASS, LENGTH = 9.81, 2.0, 1.0
+
+
+def _rod(start: float, speed: float = 0.0, **changes: Any) -> tb.Mechanism:
+    """A uniform rod on a pin at its end; the angle pi / 2 hangs."""
+    inertia, middle = MASS * LENGTH**2 / 12, (LENGTH / 2, 0.0)
+    rod = tb.Body(name="rod", angle="a", mass=MASS, centre=middle, inertia=inertia)
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+    )
+    given = {"stops": (), "gravity": GRAVITY} | changes
+    return tb.Mechanism(
+        name="rod", bodies=(rod,), joints=(pin,), start=(start,), start_speeds=(speed,), **given
+    )
+
+
+def _error(found: tb.Trajectory, problem: tb.Problem) -> float:
+    """Greatest distance of a marker from where it should be [m]."""
+    right = solve(problem).trajectory(found.t).markers
+    return float(
+        max(np.abs(m.position - right[key].position).max() for key, m in found.markers.items())
+    )
+
+
+def test_the_defaults_are_jolts_own() -> None:
+    """Those of a fresh world and a fresh body; `Step` has no step size but HelloWorld.cpp's."""
+    own = JoltEngine.npm.run(
+        """
+        import initJolt from "jolt-physics";
+        const Jolt = await initJolt();
+        const physics = new Jolt.PhysicsSettings(), body = new Jolt.BodyCreationSettings();
+        console.log(JSON.stringify({
+          velocity: physics.mNumVelocitySteps, position: physics.mNumPositionSteps,
+          baumgarte: physics.mBaumgarte, sleep: [physics.mAllowSleeping, body.mAllowSleeping],
+          damping: [body.mLinearDamping, body.mAngularDamping],
+          fastest: [body.mMaxLinearVelocity, body.mMaxAngularVelocity],
+          gyroscopic: body.mApplyGyroscopicForce,
+        }));
+        """
+    )
+    default = tb.engine("jolt", "default")
+    assert own["velocity"] == default.velocity_steps == default.first_velocity_steps
+    assert own["position"] == default.position_steps
+    assert own["baumgarte"] == pytest.approx(default.baumgarte, rel=EPSILON)
+    assert own["sleep"] == [default.allow_sleep] * 2
+    assert own["damping"] == pytest.approx([default.damping] * 2, rel=EPSILON)
+    fastest = [default.max_linear_velocity, default.max_angular_velocity]
+    assert own["fastest"] == pytest.approx(fastest, rel=EPSILON)
+    assert own["gyroscopic"] == default.gyroscopic_force
+    # The program sets none of them.
+    program = default.script(tb.Problem(tb.fixed(), duration=0.1))
+    assert OWN["collision_steps"] == 1 and ".Step(STEP, 1)" in program
+    for name in ("PhysicsSettings", "Damping", "Sleeping", "mMaxL", "mMaxA", "Gyroscopic"):
+        assert name not in program
+
+
+@pytest.mark.parametrize("preset", ["default", "settings", "assisted"])
+def test_a_body_at_rest_falls_asleep_by_default_alone(preset: str) -> None:
+    """Jolt stops what moves by less than 0.03 m/s for half a second."""
+    made = tb.Mechanism(
+        name="slow puck",
+        bodies=(tb.Body(name="puck", angle="q", mass=1.0, centre=(0.0, 0.0), inertia=0.1),),
+        joints=(tb.FreeJoint(name="air", child="puck", coordinates=("x", "y")),),
+        stops=(),
+        gravity=0.0,
+        start=(0.0, 0.0, 0.0),
+        start_speeds=(0.0, 0.005, 0.0),
+    )
+    end = tb.engine("jolt", preset).simulate(tb.Problem(made, duration=1.0)).u[-1, 1]
+    assert end == (0.0 if preset == "default" else pytest.approx(0.005, rel=1e-6))
+
+
+def test_a_hanging_rods_pin_carries_its_weight_upwards() -> None:
+    problem = tb.Problem(_rod(np.pi / 2), duration=0.5)
+    force = tb.engine("jolt").simulate(problem).joint_reactions["pin"]
+    # A step changes speeds by g h, which rounding of 1e4 iterations may move by a few parts.
+    assert force[-1] == pytest.approx([0.0, MASS * GRAVITY], abs=1e-5 * MASS * GRAVITY)
+
+
+def test_the_force_of_a_swinging_rod_is_its_closed_form() -> None:
+    """Of Newton's second law of its centre, at the engine's own angle and speed."""
+    found = tb.engine("jolt", timestep=1e-3).simulate(tb.Problem(_rod(0.0), duration=1.0))
+    q, u = found.q[:, 0], found.u[:, 0]
+    turning = 1.5 * GRAVITY / LENGTH * np.cos(q)
+    away = np.stack([np.cos(q), -np.sin(q)], axis=1)
+    along = np.stack([-np.sin(q), -np.cos(q)], axis=1)
+    closed = MASS * LENGTH / 2 * (turning[:, None] * along - u[:, None] ** 2 * away)
+    closed += [0.0, MASS * GRAVITY]
+    # A step's change of angle is of 1e-2 at most, that of a force a part of it by half a step.
+    force = found.joint_reactions["pin"]
+    assert np.abs(force - closed)[1:-1].max() < 5e-3 * np.abs(closed).max()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["slider-crank", "oscillator", "motor", "thrown-plate", "spring-pendulum", "welded-rods"],
+)
+def test_it_builds_every_element(name: str) -> None:
+    """First order from a coarse step, where single precision plays no part yet."""
+    problem = benchmark(name).problem()
+    problem = problem.model_copy(update={"duration": min(0.5, problem.duration)})
+    coarse, fine = (
+        _error(tb.engine("jolt", timestep=h).simulate(problem), problem) for h in (4e-3, 2e-3)
+    )
+    assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_slot_in_the_plane_lets_its_body_turn() -> None:
+    """Axes of six that lock rotations across the plane would lock that about z: see the README."""
+    rolling = tb.Problem(tb.rolling().model_copy(update={"stops": ()}), duration=1.0)
+    errors = [
+        _error(tb.engine("jolt", timestep=4e-3, plane=plane).simulate(rolling), rolling)
+        for plane in (True, False)
+    ]
+    assert max(errors) < 10.0 * 4e-3  # speeds of 10 m/s times a step
+    assert errors[0] == pytest.approx(errors[1], rel=0.1)
+
+
+@pytest.mark.parametrize("model", ["fixed", "rolling"])
+def test_forces_are_within_rounding_where_nothing_is_let_go(model: str) -> None:
+    """Joint forces on the child, in the world, and stop torques, from the first sample on.
+
+    Bodies of 3000 kg and of 60 kg: an iteration's rounding, 6e-8 of the greater one's momentum,
+    is 3e-6 of the lesser's, and a step of 1 ms of its weight is 2e-4 of its greatest.
+    """
+    problem = tb.Problem(tb.model(model), duration=0.75)
+    found = tb.engine("jolt", timestep=1e-3).simulate(problem)
+    truth = solve(problem).trajectory(found.t)
+    for mine, right in (
+        (found.joint_reactions, truth.joint_reactions),
+        (found.stop_torques, truth.stop_torques),
+    ):
+        greatest = max(float(np.abs(values).max()) for values in right.values())
+        for name, values in mine.items():
+            assert np.abs(values - right[name]).max() < 1e-2 * greatest, name
+
+
+def test_a_limit_on_one_side_is_a_limit_half_a_turn_on() -> None:
+    """Jolt's hinge takes an angle beyond half a turn for one before its least; without stops, and
+    where they are let go for good, it is free."""
+    stop = tb.Stop(name="rest", body="rod", sense=1, limit=0.0, closed=True)
+    problem = tb.Problem(_rod(0.0, 8.0, stops=(stop,), gravity=0.0), duration=1.0)
+    assert tb.engine("jolt", "settings").simulate(problem).q.max() == pytest.approx(np.pi, abs=1e-2)
+    bare = tb.Problem(_rod(0.0, 8.0, gravity=0.0), duration=1.0)
+    for made, given in ((tb.engine("jolt", "settings"), bare), (tb.engine("jolt"), problem)):
+        # A step loses what turns away within it, half the square of its angle, at most.
+        loss = 0.5 * (8.0 * made.timestep) ** 2 / made.timestep  # type: ignore[attr-defined]
+        assert made.simulate(given).q.max() == pytest.approx(8.0, rel=loss)
+
+
+def test_the_memory_of_a_long_run_is_flat() -> None:
+    problem = benchmark("spring-pendulum").problem()
+    text = tb.engine("jolt", "settings", timestep=1e-3).script(
+        problem.model_copy(update={"duration": 5.0})
+    )
+    free = "Jolt.JoltInterface.prototype.sGetFreeMemory()"
+    text = text.replace("for (let k = 1;", f"step();\nconst before = {free};\nfor (let k = 1;")
+    text = text[: text.rindex("console.log(")]
+    text += f"console.log(JSON.stringify([before, {free}, t.length]));"
+    found = JoltEngine.npm.run(text)
+    assert found[2] == 5001 and found[1] == found[0] > 0
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "chain", "thrown-plate", "incline", "bead"])
+def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
+    engine, mechanism = tb.engine("jolt"), benchmark(name).problem().mechanism
+    assert check_model(engine, mechanism).holds
+    first, *others = mechanism.bodies
+    heavy = first.model_copy(update={"mass": 1.001 * first.mass})
+    seeded = mechanism.model_copy(update={"bodies": (heavy, *others)})
+    wrong = SimpleNamespace(
+        name="jolt",
+        inspect=lambda _, states: engine.inspect(seeded, states),  # type: ignore[attr-defined]
+    )
+    assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
+
+
+def test_what_it_has_not_is_refused() -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="stops on points"):
+        tb.engine("jolt").simulate(benchmark("bouncing").problem())
+    far = tb.Stop(name="end", body="rod", sense=-1, limit=-2.2 * np.pi, closed=False)
+    problem = tb.Problem(_rod(0.0, stops=(far,)), duration=0.1, stop_law=tb.StopLaw.UNILATERAL)
+    with pytest.raises(tb.UnsupportedProblemError, match="within half a turn"):
+        tb.engine("jolt").simulate(problem)
+
+
+def test_a_world_that_breaks_down_is_a_failed_run() -> None:
+    with pytest.raises(tb.SimulationError, match=r"Jolt Physics failed: .*"):
+        JoltEngine.npm.run(
+            'import initJolt from "jolt-physics"; const Jolt = await initJolt();'
+            "new Jolt.JoltInterface(new Jolt.JoltSettings()).Step(0.1, 1);"
+        )
+
+
+def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(tb.EngineNotInstalledError, match=r"no program `node` is on the path\.$"):
+        tb.engine("jolt").simulate(FREE_SWING)
+    assert JoltEngine.version() == "not installed"

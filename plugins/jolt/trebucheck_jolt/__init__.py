@@ -1,0 +1,1 @@
+"""Jolt Physics as an engine of trebucheck."""
