@@ -75,11 +75,19 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),
     ),
+    "havok": Case(
+        frozenset({"timestep", "ideal_step", "locks_plane", "angular_damping", "stabilization"})
+        | {"speed_limit", "turning_limit", "allow_sleep"},
+        ("fixed", "slider-crank", "spring-pendulum", "bead"),
+    ),
 }
 
 
 def _run(name: str, program: str) -> dict[str, Any]:
     """Run a program: the names of its module in Python, or what it prints in Node.js."""
+    npm = getattr(type(tb.engine(name)), "npm", None)
+    if npm is not None:
+        return {key: np.array(value) for key, value in npm.run(program).items()}
     if name == "planck":
         from trebucheck_planck.bridge import PLANCK
 
