@@ -95,9 +95,11 @@ class HavokEngine(NodeEngine):
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Inspect masses and inertias as impulses find them, and gravity as a step does.
 
-        Havok tells no anchors and axes of joints: those are as they were given.
+        Havok tells no anchors and axes of joints: those are as they were given. It keeps inverses
+        of masses and inertias in eight bits: an acceleration has two such roundings, 2^-7 in all.
+        The check allows a thousand roundings, so that this is a thousandth of that.
         """
-        return replace(super().inspect(mechanism, states), roundoff=2.0**-24)
+        return replace(super().inspect(mechanism, states), roundoff=2.0**-7 / 1000)
 
     def _values(self, scene: NodeScene) -> Mapping[str, Any]:
         del scene
