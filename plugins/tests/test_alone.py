@@ -95,6 +95,11 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),
     ),
+    "havok": Case(
+        frozenset({"timestep", "ideal_step", "locks_plane", "angular_damping", "stabilization"})
+        | {"speed_limit", "turning_limit", "allow_sleep"},
+        ("fixed", "slider-crank", "spring-pendulum", "bead"),
+    ),
 }
 
 

@@ -12,7 +12,7 @@ import json
 import math
 import shutil
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,23 +89,18 @@ class NodePackage:
         Raises:
             SimulationError: the process fails.
         """
-        ended = subprocess.run(
-            ["node", "--input-type=module", "-"],
-            cwd=self.folder,
-            input=program.encode(),
-            capture_output=True,
-            check=False,
-            preexec_fn=ending_with_parent(),
-        )
-        if ended.returncode:
-            raise self._failure(ended.stderr)
-        return json.loads(ended.stdout)
+        return self._written("--input-type=module", "-", text=program, read=_printed)
 
-    def _written(self, *arguments: str, text: str) -> dict[str, FloatArray]:
-        """Arrays that Node.js writes in the package's folder.
+    def _written(
+        self,
+        *arguments: str,
+        text: str,
+        read: Callable[[IO[bytes]], dict[str, Any] | None] | None = None,
+    ) -> dict[str, Any]:
+        """What Node.js writes in the package's folder: arrays, or what `read` reads.
 
         The process is ended once it has written them: at its end V8 waits for what it compiles
-        beside a run, which takes longer than most runs do.
+        beside a run, which takes longer than most runs do, or for ever (nodejs/node#54918).
         """
         with (
             TemporaryFile() as complaints,
@@ -123,7 +118,7 @@ class NodePackage:
             try:
                 with suppress(OSError), process.stdin as given:  # it may end without reading
                     given.write(text.encode())
-                found = _arrays(process.stdout)
+                found = (read or _arrays)(process.stdout)
                 if found is None:
                     process.wait()
                     complaints.seek(0)
@@ -136,6 +131,12 @@ class NodePackage:
         return SimulationError(
             f"{self.title} failed: {complaint.decode(errors='replace').strip()[-500:]}"
         )
+
+
+def _printed(stream: IO[bytes]) -> dict[str, Any] | None:
+    """A line of JSON; None where it ends before."""
+    line = stream.readline()
+    return json.loads(line) if line.endswith(b"\n") else None
 
 
 def _arrays(stream: IO[bytes]) -> dict[str, FloatArray] | None:

@@ -1,0 +1,1 @@
+"""Havok's build for the web as an engine of trebucheck."""

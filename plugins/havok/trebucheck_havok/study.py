@@ -1,0 +1,90 @@
+"""Havok's entries for studies: tolerances, orders and causes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trebucheck.engines.presets import PRESETS
+from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
+    REFINEMENT,
+    SETTINGS_SET,
+    Cause,
+    ConstraintKinds,
+    EngineStudy,
+    Intervention,
+    MaintainersNote,
+    StepOrder,
+    time_step_cause,
+)
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
+
+
+def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    return (
+        Cause(
+            "angular damping",
+            "every body loses angular speed",
+            Intervention({"angular_damping": 0.0}),
+        ),
+        Cause(
+            "stabilization",
+            "bodies slower than 0.1 m/s are braked",
+            Intervention({"stabilization": False}),
+        ),
+        Cause(
+            "speed limits",
+            "bodies go no faster",
+            Intervention({"speed_limit": 1e6, "turning_limit": 1e6}),
+        ),
+        Cause("sleep", "bodies that hardly move are stopped", Intervention({"allow_sleep": False})),
+        Cause(
+            "ideal step",
+            "short steps have fewer substeps, and softer joints",
+            Intervention({"ideal_step": 0.0}),
+        ),
+        Cause(
+            "axes out of the plane",
+            "joints that lock them, too, are of another kind",
+            Intervention({"locks_plane": False}),
+        ),
+        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+    )
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {"Havok in Node.js": engine.script(Problem(mechanism, duration=duration))}
+
+
+_SCHEME = "semi-implicit Euler, impulses"
+_REASON = (
+    "semi-implicit Euler in substeps of Cartesian coordinates, down to what masses of eight bits "
+    "leave"
+)
+STUDY = EngineStudy(
+    causes=_causes,
+    step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
+    option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
+    snippets=_snippets,
+    single_precision=lambda _: True,
+    additions=lambda _: 4,
+    title="Havok",
+    binding="the npm package `@babylonjs/havok`, moved by Node.js, in single precision",
+    maintainers_note=MaintainersNote(
+        chosen="`default` is a world that sets nothing, at the step of Babylon.js: bodies lose a "
+        "tenth of their angular speed in a second and are braked below 0.1 m/s; `settings` has no "
+        "damping and no brake, four substeps in shorter steps, and pins that leave the axes out of "
+        "the plane free: {{ plain.agrees }} problems agree where nothing is set, "
+        "{{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
+        not_possible="Havok keeps the inverses of masses and inertias in eight bits, so that they "
+        "are up to 0.4 % from those given, which nothing sets; our adapter builds no stops on "
+        "points and no restitution, and gives springs as impulses.",
+        would_change="Inverse masses in single precision: what is left of the free swing at short "
+        "steps is their rounding.",
+    ),
+    colour="#d2691e",
+)
