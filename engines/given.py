@@ -14,7 +14,13 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from ..models.arrays import FloatArray
-from ..models.errors import InputError, SimulationError, TrebucheckError, UnsupportedProblemError
+from ..models.errors import (
+    EngineNotInstalledError,
+    InputError,
+    SimulationError,
+    TrebucheckError,
+    UnsupportedProblemError,
+)
 from ..models.features import Feature
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
@@ -23,7 +29,7 @@ from ..models.problem import Problem, StopLaw
 from ..models.spec import Positive, Spec
 from ..models.trajectory import PointMotion, Provenance, Trajectory
 from .presets import GIVEN
-from .protocol import Capabilities
+from .protocol import ABSENT, Capabilities, version_of
 from .study import GivenRun, ModelFile, ModelOptions
 from .supplied import NOTHING, Supplied
 
@@ -51,6 +57,8 @@ class GivenModel(Spec, ABC):
     )
 
     name: ClassVar[str]
+    package: ClassVar[str]
+    """Distribution whose version is reported."""
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=False,
         joint_gaps=False,
@@ -68,9 +76,9 @@ class GivenModel(Spec, ABC):
         return self.model_dump(mode="json", exclude={"preset"})
 
     @classmethod
-    @abstractmethod
     def version(cls) -> str:
-        """Version of the engine."""
+        """Version of the engine's package; 'not installed' if there is none."""
+        return version_of(cls.package)
 
     @classmethod
     @abstractmethod
@@ -78,7 +86,7 @@ class GivenModel(Spec, ABC):
         """Read a mechanism again from its file.
 
         Raises:
-            TrebucheckError: the file cannot be read any more, or the engine is not installed.
+            TrebucheckError: the file cannot be read any more.
         """
 
     def of(self, mechanism: Mechanism) -> Self:
@@ -101,6 +109,7 @@ class GivenModel(Spec, ABC):
         Raises:
             UnsupportedProblemError: the mechanism was not read from a file, or is another one now,
                 or its stops are to release once.
+            EngineNotInstalledError: the engine's package is not here.
             InputError: the engine has no integrator of that name, or a step is longer than the
                 problem.
             SimulationError: the state is not finite any more, or a contact acts before the end.
@@ -147,6 +156,11 @@ class GivenModel(Spec, ABC):
             raise UnsupportedProblemError(
                 f"the preset {GIVEN!r} moves the model file that a mechanism was read from; "
                 f"{mechanism.name!r} was read from none."
+            )
+        if self.version() == ABSENT:
+            raise EngineNotInstalledError(
+                f"engine {self.name!r} is not installed here; `pip install {self.package}` brings "
+                "it."
             )
         read = self.read(mechanism.source)
         if read.mechanism.content_hash != mechanism.content_hash:

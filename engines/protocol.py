@@ -50,7 +50,8 @@ _MOST_STEPS = 20_000_000
 # Of a run's samples while it is read, sent from its process, compared and written: seven were
 # measured for an engine while it is read (pymunk, Exudyn), and about as many for what follows.
 _COPIES = 16
-_ABSENT = "not installed"
+ABSENT = "not installed"
+"""Version of a package that is not here."""
 _MEMINFO = Path("/proc/meminfo")
 _GROUP = Path("/sys/fs/cgroup")
 
@@ -157,12 +158,15 @@ class Recording:
 
 
 @cache
-def _version_of(package: str) -> str:
-    """Read once: a distribution's metadata takes milliseconds to parse, as long as a short run."""
+def version_of(package: str) -> str:
+    """Version of a distribution; 'not installed' if there is none.
+
+    Read once: its metadata takes milliseconds to parse, as long as a short run.
+    """
     try:
         return importlib.metadata.version(package)
     except importlib.metadata.PackageNotFoundError:
-        return _ABSENT
+        return ABSENT
 
 
 class EngineOptions(Spec):
@@ -243,14 +247,14 @@ class BuiltinEngine(EngineOptions, ABC):
         A class without a package is all of its engine.
         """
         name = cls.module or getattr(cls, "package", "")
-        if cls.version() == _ABSENT:
+        if cls.version() == ABSENT:
             return False
         return not name or importlib.util.find_spec(name) is not None
 
     @classmethod
     def version(cls) -> str:
         """Version of the engine's package; 'not installed' if there is none."""
-        return _version_of(cls.package)
+        return version_of(cls.package)
 
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism from its start.
