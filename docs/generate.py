@@ -466,12 +466,77 @@ def write_engine_pages() -> None:
         engine_class(name)  # which says why it cannot be loaded, as its study would not
         study = engine_study(name)
         text = markdown.text(engine_document(matrix, name, study, _DISPUTE), signs=True)
+        text += asked_first(ROOT / "plugins" / "answers" / f"{name}.json")
         (folder / f"{name}.md").write_text(f"<!-- written by docs/generate.py -->\n{text}")
     nav = "".join(
         f"      - {engine_study(name).title or name}: engines/{name}.md\n" for name in names
     )
     site = ROOT / "mkdocs.yml"
     site.write_text(re.sub(r"(  - Engines:\n)(?:      - .*\n)*", rf"\g<1>{nav}", site.read_text()))
+
+
+def asked_first(path: Path) -> str:
+    """What the users of an engine ask first, as `plugins/answers.py` has measured it.
+
+    Returns:
+        A section of Markdown; '' of an engine without such a file.
+    """
+    if not path.exists():
+        return ""
+    told = json.loads(path.read_text())
+    presets = told["presets"]
+    sentences = [
+        "A uniform rod of 1 m swings from 60 degrees for ten seconds: error of its mean period, by "
+        "the exact one; energy gained or lost, in parts of that of the swing; how far its pin "
+        "comes apart. Then the error of the force of the pin on the rod, in parts of its weight, "
+        "as it hangs and as it falls from level, by closed forms.",
+    ]
+    kept = [
+        f"the {what} at {step:.3g} s" if step else f"the {what} at no step that was tried"
+        for what, step in presets.get("default", {}).get("to_a_percent", {}).items()
+    ]
+    if kept:
+        sentences.append(
+            f"With nothing set but the step, a percent is kept of {' and of '.join(kept)}."
+        )
+    sentences.append(
+        "Forces of joints are told: on the second body, in the world's axes."
+        if told["reactions"]
+        else "It tells no forces of joints."
+    )
+    rows = "".join(_answer_row(preset, found) for preset, found in presets.items())
+    text = f"\n## Asked first\n\n{' '.join(sentences)}\n\n{_ANSWERS_HEAD}{rows}"
+    if told["program"]:
+        text += (
+            "\nThe pendulum at the preset `settings`, as a program with nothing but the engine's "
+            f"interface; the run is this program:\n\n```{told['language']}\n{told['program']}\n```\n"
+        )
+    return text
+
+
+_ANSWERS_HEAD = (
+    "| preset | step [s] | period | energy after 10 s | gap of its pin [m] | force, hanging "
+    "| force, swinging |\n|---|---|---|---|---|---|---|\n"
+)
+_ANSWERS: tuple[tuple[str, str, str], ...] = (
+    ("swing", "timestep", ".3g"),
+    ("swing", "period", "+.2%"),
+    ("swing", "energy", "+.2%"),
+    ("swing", "gap", ".1e"),
+    ("forces", "hanging", ".1e"),
+    ("forces", "swinging", ".1e"),
+)
+"""Measurements of the columns, their names in the file, and their formats."""
+
+
+def _answer_row(preset: str, found: Mapping[str, Any]) -> str:
+    fields = [
+        "–" if found.get(of, {}).get(key) is None else format(found[of][key], how)
+        for of, key, how in _ANSWERS
+    ]
+    row = f"| {preset} | {' | '.join(fields)} |\n"
+    failed = [each["failed"] for each in found.values() if isinstance(each, dict) and "failed" in each]
+    return row + "".join(f"| | {text.replace('|', '/')} | | | | | |\n" for text in failed)
 
 
 _DISPUTE = (

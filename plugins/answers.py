@@ -2,7 +2,7 @@
 
 Does a pendulum keep its period and its energy at the step that the engine has where nothing is set,
 and at which step to a percent? How far do its pins come apart? Is the force that a joint tells
-right, and on which body does it act? What is built of a mechanism, and what is not?
+right, and what does its own program look like?
 
 Called by `plugins/run.py` in the environment of a plug-in: python plugins/answers.py NAME OUT. The
 page of an engine (`python docs/generate.py engine-pages`) shows what it writes.
@@ -143,6 +143,11 @@ def tried(measure: Any, *arguments: Any) -> dict[str, Any]:
         return {"failed": str(error)}
 
 
+def own_program(name: str) -> dict[str, Any]:
+    """The program of the pendulum with nothing but the engine's interface, at its settings."""
+    return {"text": made(name, SETTINGS).script(rod(AMPLITUDE, 1.0))}
+
+
 def answers(name: str) -> dict[str, Any]:
     """All answers of an engine."""
     presets: dict[str, Any] = {}
@@ -158,19 +163,14 @@ def answers(name: str) -> dict[str, Any]:
             told["forces"] = tried(forces, engine)
         presets[preset] = told
     engine = made(name, ASSISTED)
-    program = ""
-    if made(name, SETTINGS).assisted_by == ():
-        program = tried(lambda: {"text": made(name, SETTINGS).script(rod(AMPLITUDE, 1.0))}).get(
-            "text", ""
-        )
+    program = tried(own_program, name).get("text", "")
     return {
         "engine": name,
         "version": engine.version(),
         "presets": {preset: presets[preset] for preset in _PRESETS if preset in presets},
-        "lacking": sorted(each.value for each in engine.capabilities.lacking),
-        "features": sorted(each.value for each in engine.capabilities.features),
         "reactions": engine.capabilities.joint_reactions,
         "stop_torques": engine.capabilities.stop_torques,
+        "language": "js" if "const " in program else "python",
         "program": program,
     }
 

@@ -1,7 +1,8 @@
 """Runs the plug-ins, each in an environment of its own, and keeps what the matrix shows of them.
 
 Of each: install it with trebucheck, run its tests, the suite of conformance, a comparison on every
-problem, and sweeps of its time step; then write `results/NAME.json`. A stage that has ended, well
+problem, sweeps of its time step, and what its users ask first (`answers.py`); then write
+`results/NAME.json` and `answers/NAME.json`. A stage that has ended, well
 or not, is not run again while trebucheck and the plug-in are the same files; `--again` runs all of
 it. What fails is listed at the end, and nothing else is lost.
 
@@ -103,6 +104,9 @@ class Plugin:
                 self.stage(
                     f"{study} {name}", lambda s=study, n=name, of=batch: self.studied(s, n, of)
                 )
+        answers = [python, str(HERE / "answers.py"), self.name]
+        answers.append(str(HERE / "answers" / f"{self.name}.json"))
+        self.stage("answers", lambda: self.call(answers, 20 * self.budget))
         self.stage("matrix", self.matrix, always=True)
         conform = [
             *self.trebucheck("conform", f"{self.name}/assisted"),
