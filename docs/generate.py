@@ -12,7 +12,7 @@ import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from decimal import Context, Decimal
 from enum import Enum
@@ -509,7 +509,8 @@ def asked_first(path: Path) -> str:
     if told["program"]:
         text += (
             "\nThe pendulum at the preset `settings`, as a program with nothing but the engine's "
-            f"interface; the run is this program:\n\n```{told['language']}\n{told['program']}\n```\n"
+            "interface; the run is this program:\n\n"
+            f"```{told['language']}\n{told['program']}\n```\n"
         )
     return text
 
@@ -535,7 +536,7 @@ def _answer_row(preset: str, found: Mapping[str, Any]) -> str:
         for of, key, how in _ANSWERS
     ]
     row = f"| {preset} | {' | '.join(fields)} |\n"
-    failed = [each["failed"] for each in found.values() if isinstance(each, dict) and "failed" in each]
+    failed = [found[of]["failed"] for of in ("swing", "forces") if "failed" in found.get(of, {})]
     return row + "".join(f"| | {text.replace('|', '/')} | | | | | |\n" for text in failed)
 
 
