@@ -144,25 +144,33 @@ def path_command(call: Call) -> None:
 
 @plugin_app.command("new")
 @command(
-    "name",
+    "name node",
     folder(None, "New folder; trebucheck-NAME by default."),
     name=argument("Of the engine: small letters, digits and hyphens."),
+    node=option("--node", "The engine is a package of npm, moved by Node.js.", bool, False),
 )
 def new_command(call: Call) -> None:
     """Write a new folder with pyproject.toml, an engine to fill in, and its tests.
 
     An existing folder is refused.
 
-    Example: trebucheck plugin new my-engine
+    Examples:
+    trebucheck plugin new my-engine
+
+    trebucheck plugin new my-engine --node
     """
     from ..conformance.skeleton import write_skeleton
 
     folder = call.out or Path(f"trebucheck-{call.name}")
-    for path in write_skeleton(call.name, folder):
+    for path in write_skeleton(call.name, folder, node=call.node):
         typer.echo(f"Wrote {output.printable(str(path))}")
+    brings, to_fill = "", "engine.py"
+    if call.node:
+        package = f"trebucheck_{call.name.replace('-', '_')}"
+        brings, to_fill = f" python -m {package},", "engine.py and templates/alone.mjs.j2"
     typer.echo(
-        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test], pytest; then fill "
-        f"in engine.py."
+        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test],{brings} pytest; then "
+        f"fill in {to_fill}."
     )
 
 

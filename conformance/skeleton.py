@@ -15,11 +15,13 @@ from ..models.files import refuse_unwritable, write_text
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 
 
-def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
+def write_skeleton(name: str, folder: Path, *, node: bool = False) -> tuple[Path, ...]:
     """Write pyproject.toml, package and tests of a plug-in into a new folder.
 
     Args:
         name: of the engine: small letters, digits and hyphens.
+        folder: new.
+        node: whether the engine is a package of npm, of the same name, moved by Node.js.
 
     Returns:
         The files.
@@ -50,14 +52,21 @@ def write_skeleton(name: str, folder: Path) -> tuple[Path, ...]:
         "package": package,
         "cls": f"{name.title().replace('-', '').removesuffix('Engine')}Engine",
     }
+    kind = "node_" if node else ""
     contents = {
-        "pyproject.toml": "pyproject.toml",
+        "pyproject.toml": f"{kind}pyproject.toml",
         "README.md": "README.md",
-        f"{package}/__init__.py": "init.py",
-        f"{package}/engine.py": "engine.py",
-        "tests/conftest.py": "conftest.py",
+        f"{package}/__init__.py": f"{kind}init.py",
+        f"{package}/engine.py": f"{kind}engine.py",
+        "tests/conftest.py": f"{kind}conftest.py",
         f"tests/test_{name.replace('-', '_')}.py": "test.py",
     }
+    if node:
+        contents |= {
+            f"{package}/__main__.py": "node_main.py",
+            f"{package}/node/package.json": "node_package.json",
+            f"{package}/templates/alone.mjs.j2": "node_alone.mjs.j2",
+        }
     for path, template in contents.items():
         text = (files(__package__ or "") / "templates" / f"{template}.txt").read_text()
         write_text(folder / path, Template(text).substitute(words))

@@ -9,17 +9,14 @@ torques of joints and limits are the impulses that Havok tells of a step, over i
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
-from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.models.features import Basic, Feature
-from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
@@ -78,6 +75,9 @@ class HavokEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-havok"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
+    # Masses and inertias as impulses find them: their inverses have eight bits, and an acceleration
+    # two such roundings. The check allows a thousand.
+    roundoff: ClassVar[float] = 2.0**-7 / 1000
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=True,
@@ -91,15 +91,6 @@ class HavokEngine(NodeEngine):
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = ALONE
-
-    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Inspect masses and inertias as impulses find them, and gravity as a step does.
-
-        Havok tells no anchors and axes of joints: those are as they were given. It keeps inverses
-        of masses and inertias in eight bits: an acceleration has two such roundings, 2^-7 in all.
-        The check allows a thousand roundings, so that this is a thousandth of that.
-        """
-        return replace(super().inspect(mechanism, states), roundoff=2.0**-7 / 1000)
 
     def _values(self, scene: NodeScene) -> Mapping[str, Any]:
         del scene

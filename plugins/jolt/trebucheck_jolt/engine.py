@@ -10,19 +10,16 @@ forces and torques given to the bodies before each step.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
-from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance, Part
 from trebucheck.models.features import Basic, Feature
-from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
@@ -92,6 +89,7 @@ class JoltEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-jolt"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
+    roundoff: ClassVar[float] = 2.0**-24
     slop: ClassVar[float] = OPENING
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = Capabilities(
@@ -116,14 +114,6 @@ class JoltEngine(NodeEngine):
         ),
         *(NodeEngine.assistance or ()),
     )
-
-    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Inspect the built world in each state; its numbers are of single precision.
-
-        Raises:
-            EngineNotInstalledError: Node.js or the package of npm is not here.
-        """
-        return replace(super().inspect(mechanism, states), roundoff=2.0**-24)
 
     def _values(self, scene: NodeScene) -> Mapping[str, Any]:
         physics = {

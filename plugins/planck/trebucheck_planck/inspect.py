@@ -25,4 +25,4 @@ def inspect(mechanism: Mechanism, states: Sequence[State], settings: Json) -> In
     read = NodeSamples(
         scene, np.zeros(1), PLANCK.move(described | settings | {"stops": [], "readBack": True})
     )
-    return inspected(read, read.told[0], states)
+    return inspected(read, read.told[0], states, roundoff=2.0**-53)

@@ -68,6 +68,8 @@ class NodeEngine(BuiltinEngine):
     """Angle by which limits may give way without being open [rad]."""
     reads_back: ClassVar[bool] = False
     """Whether the program can tell what the world holds."""
+    roundoff: ClassVar[float] = 2.0**-53
+    """Unit roundoff of the numbers that the world holds, for the model check."""
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.MODEL,
@@ -116,7 +118,7 @@ class NodeEngine(BuiltinEngine):
         spread, scene = NoPointMasses(mechanism, 1e-3, points_only=True), self._scene(mechanism)
         arrays = self.npm.arrays(self._program(problem, spread, scene, binary=True, tells=True))
         samples = NodeSamples(scene, arrays["t"], arrays["states"].reshape(1, -1))
-        return inspected(samples, arrays["built"], states)
+        return inspected(samples, arrays["built"], states, self.roundoff)
 
     def _scene(self, mechanism: Mechanism) -> NodeScene:
         """Scene of a mechanism whose bodies have inertia; engines may have their own."""

@@ -15,7 +15,9 @@ from .node_scene import MIRROR, NodeScene
 from .read_back import HeldBody, held_inspection, held_joint, held_mechanism
 
 
-def inspected(samples: NodeSamples, built: FloatArray, states: Sequence[State]) -> Inspection:
+def inspected(
+    samples: NodeSamples, built: FloatArray, states: Sequence[State], roundoff: float
+) -> Inspection:
     """Inspect a built world in each state.
 
     Args:
@@ -24,9 +26,11 @@ def inspected(samples: NodeSamples, built: FloatArray, states: Sequence[State]) 
             centre of mass [m] in its frame; of each joint that holds anything both anchors [m] and
             its axis, zeros where it has none; gravity [m/s^2].
         states: of the mechanism, with the stops that are closed.
+        roundoff: unit roundoff of the numbers that it holds.
     """
     start = samples.recording()
-    return held_inspection(_held(samples.scene, built), start.q[0], start.u[0], states)
+    held = _held(samples.scene, built)
+    return held_inspection(held, start.q[0], start.u[0], states, roundoff=roundoff)
 
 
 def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
@@ -48,4 +52,4 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
 
 def _body(body: Body, told: FloatArray) -> HeldBody:
     mass, inertia, *centre = told.tolist()
-    return mass, inertia, np.add(body.centre, centre)
+    return mass, inertia, np.add(body.centre, centre).tolist()

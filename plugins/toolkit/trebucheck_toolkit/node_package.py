@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import subprocess
 from collections.abc import Callable, Mapping
@@ -27,6 +28,7 @@ from trebucheck.models.errors import SimulationError
 SCENE = Path(__file__).with_name("node_scene.cjs")
 """What programs that move a scene share."""
 _ABSENT = "not installed"
+_ERROR = re.compile(r"^\w*Error: .{1,500}", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -128,9 +130,10 @@ class NodePackage:
         return found
 
     def _failure(self, complaint: bytes) -> SimulationError:
-        return SimulationError(
-            f"{self.title} failed: {complaint.decode(errors='replace').strip()[-500:]}"
-        )
+        text = complaint.decode(errors="replace").strip()
+        # Node.js writes the line of the program, the error, where it was called, and its version.
+        error = _ERROR.search(text)
+        return SimulationError(f"{self.title} failed: {error[0] if error else text[-500:]}")
 
 
 def _printed(stream: IO[bytes]) -> dict[str, Any] | None:

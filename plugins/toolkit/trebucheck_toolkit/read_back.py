@@ -26,7 +26,7 @@ HeldBody = tuple[float, float, Sequence[float]]
 def held_mechanism(
     mechanism: Mechanism,
     bodies: Mapping[str, HeldBody],
-    joints: Mapping[str, Mapping[str, Sequence[float]]],
+    joints: Mapping[str, Mapping[str, Sequence[float] | FloatArray]],
     gravity: FloatArray,
 ) -> Mechanism:
     """The mechanism that an engine holds.
