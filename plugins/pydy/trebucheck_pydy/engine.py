@@ -10,7 +10,7 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording, built_features
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import MOVED, Assistance, Part, Supplied, all_by
-from trebucheck.models.elements import CubicTorsionSpring, SlideSpringDamper, TranslationJoint
+from trebucheck.models.elements import CubicTorsionSpring, TranslationJoint
 from trebucheck.models.features import COVERED_BY_FEATURES, Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -19,7 +19,7 @@ from trebucheck_toolkit.event_driver import EventDriver
 
 from .study import STUDY
 
-_BUILT = COVERED_BY_FEATURES | {CubicTorsionSpring, SlideSpringDamper, TranslationJoint}
+_BUILT = COVERED_BY_FEATURES | {CubicTorsionSpring, TranslationJoint}
 _ASSISTED: Supplied = {part: text for part, text in MOVED.items() if part is not Part.ELEMENTS}
 
 
@@ -94,11 +94,11 @@ class PydyEngine(BuiltinEngine):
         return _ASSISTED if self.mode == "events" else self.readings
 
     def _run(self, problem: Problem) -> Recording:
-        from .motion import Motion, run_system
+        from .motion import KaneMotion, run_system
 
         if self.mode == "system":
             return run_system(problem, self.timestep, self.integrator, self.tolerance)
-        motion = Motion(problem.mechanism, self.tolerance)
+        motion = KaneMotion(problem.mechanism, self.tolerance)
         return EventDriver(problem, motion, self.name, self.timestep).run()
 
     def _script(self, problem: Problem) -> str:
@@ -109,6 +109,6 @@ class PydyEngine(BuiltinEngine):
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The generated mass matrix, forces and accelerations in each state."""
         self.refuse_absence()
-        from .motion import Motion
+        from .motion import KaneMotion
 
-        return Motion(mechanism, self.tolerance).inspect(states)
+        return KaneMotion(mechanism, self.tolerance).inspect(states)

@@ -1,16 +1,14 @@
-"""A mechanism as a scene, and its equations moved and read; states are in its coordinates."""
+"""A mechanism as a scene, and the tree of joints that its equations are of."""
 
 from __future__ import annotations
 
 import inspect
 import pprint
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from trebucheck.engines.events import ContactEvents, Contacts, whole_steps
-from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.protocol import Recording
 from trebucheck.models import elements
 from trebucheck.models.applied_forces import AppliedForces
@@ -19,221 +17,173 @@ from trebucheck.models.elements import GROUND
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
-from trebucheck_toolkit.constrained import ConstrainedDynamics, Solved, subtree_sums
 from trebucheck_toolkit.event_driver import Observation, Samples
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.joint_tree import TreeMotion
+from trebucheck_toolkit.schemes import State
 
 from . import kane
 from .kane import Equations, dop853
 
 
 def _torque(each: Any, constant: float, stiffness: float, cubic: float, damping: float) -> Any:
-    law = (constant, stiffness, cubic, damping, getattr(each, "rest_angle", 0.0))
-    return ("torque", each.name, each.body, each.relative_to, *law)
+    rest = getattr(each, "rest_angle", 0.0)
+    return ("torque", each.body, each.relative_to, constant, stiffness, cubic, damping, rest)
 
 
-def _slide(each: elements.SlideSpringDamper, mechanism: Mechanism) -> Any:
-    joint, (slide, direction) = mechanism.joint_of(each.body), _slides(mechanism)[each.coordinate]
-    ends = (joint.child, joint.child_point), (joint.parent, joint.parent_point)
-    law = (each.force, each.stiffness, 0.0, each.damping, each.rest_position)
-    return ("slide", each.name, *ends, slide, direction, *law)
-
-
-LOADS: elements.ElementTable[Callable[[Any, Mechanism], Any]] = elements.ElementTable(
+LOADS: elements.ElementTable[Callable[[Any], Any]] = elements.ElementTable(
     "pydy",
     elements.FORCE_ELEMENTS,
     {
-        elements.SpringDamper: lambda e, _: (
-            *("spring", e.name, *e.ends),
+        elements.SpringDamper: lambda e: (
+            *("spring", *e.ends),
             *(e.stiffness, e.damping, e.rest_length),
         ),
-        elements.RotationalSpringDamper: lambda e, _: _torque(e, 0.0, e.stiffness, 0.0, e.damping),
-        elements.CubicTorsionSpring: lambda e, _: _torque(
-            e, 0.0, e.stiffness, e.cubic_stiffness, 0.0
-        ),
-        elements.ConstantTorque: lambda e, _: _torque(e, e.torque, 0.0, 0.0, 0.0),
-        elements.ConstantForce: lambda e, _: ("force", e.name, e.body, e.point, e.force),
-        elements.SlideSpringDamper: _slide,
+        elements.RotationalSpringDamper: lambda e: _torque(e, 0.0, e.stiffness, 0.0, e.damping),
+        elements.CubicTorsionSpring: lambda e: _torque(e, 0.0, e.stiffness, e.cubic_stiffness, 0.0),
+        elements.ConstantTorque: lambda e: _torque(e, e.torque, 0.0, 0.0, 0.0),
+        elements.ConstantForce: lambda e: ("force", e.body, e.point, e.force),
     },
-    others="our adapter builds no rotor inertias and no recorded controls; SymPy takes any load",
+    others="our adapter gives SymPy no such load; SymPy takes any expression",
 )
 
 
-def _slides(mechanism: Mechanism) -> dict[str, tuple[int, tuple[float, float]]]:
-    """Index and direction of each slide coordinate."""
-    indices = {name: k for k, name in enumerate(mechanism.coordinates)}
-    return {
-        name: (indices[name], _pair(direction))
-        for joint in mechanism.tree_joints
-        for name, direction in zip(joint.slides, joint.free_directions, strict=True)
-    }
+def _pairs(directions: Any) -> list[tuple[float, float]]:
+    return [(complex(each).real, complex(each).imag) for each in directions]
 
 
-def _pair(direction: complex) -> tuple[float, float]:
-    return (complex(direction).real, complex(direction).imag)
-
-
-def scene(mechanism: Mechanism) -> dict[str, Any]:
-    """The mechanism as plain data."""
-    (q, u), slides = initial_state(mechanism), _slides(mechanism)
-    bodies: list[dict[str, Any]] = []
-    for joint in mechanism.tree.joints:
-        body = mechanism.body(joint.child)
-        along = [slides[name] for name in joint.slides]
-        ends = (joint.parent, joint.parent_point, joint.child_point)
+def scene(to: JointCoordinates) -> dict[str, Any]:
+    """The mechanism as plain data, in joint coordinates."""
+    mechanism, bodies, k = to.mechanism, list[Any](), 0
+    q, u = initial_state(mechanism)
+    for body, joint in to.links:
+        slides = list(enumerate(_pairs(joint.free_directions), k))
+        k += len(slides)
+        turn = None if body.angle is None else k
+        k += body.angle is not None
+        ends = (joint.parent_point, joint.child_point)
         bodies.append(
-            {key: getattr(body, key) for key in ("name", "mass", "inertia", "centre")}
-            | {"turn": mechanism.attitudes[body.name]}
-            | {"joint": (*ends, along)}
+            (body.name, body.mass, body.inertia, body.centre)
+            + (joint.parent, ends, slides, turn, joint.turned_by or 0.0)
         )
+    loops = [
+        ((joint.child, joint.child_point), (joint.parent, joint.parent_point))
+        + (joint.parent if joint.free_directions else GROUND, _pairs(joint.held_directions))
+        + (joint.turned_by,)
+        for joint in mechanism.loop_joints
+    ]
     return {
         "bodies": bodies,
-        "loops": [
-            (
-                *(joint.name, (joint.child, joint.child_point)),
-                *((joint.parent, joint.parent_point), list(map(_pair, joint.held_directions))),
-                *(not joint.free_directions, joint.turned_by),
-            )
-            for joint in mechanism.loop_joints
-        ],
-        "loads": [LOADS[each](each, mechanism) for each in mechanism.force_elements],
+        "loops": loops,
+        "loads": [LOADS[each](each) for each in mechanism.force_elements],
         "gravity": tuple(mechanism.gravity_vector),
-        "start": q.tolist(),
-        "start_speeds": u.tolist(),
+        "start": to.positions(q).tolist(),
+        "start_speeds": to.speeds(u).tolist(),
     }
 
 
-class Model:
-    """Kane's equations of the mechanism's tree with its loads, and what SymPy tells of a state."""
+class KaneTree:
+    """Kane's equations of the tree with its loads, and what SymPy tells of a state."""
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self.equations = mechanism, Equations(scene(mechanism))
-        equations, tree = self.equations, self.equations.tree
-        self._dynamics = equations.function([*tree.mass_matrix, *tree.forcing])
-        world, origin = equations.world, equations.origins[GROUND]
+        self.mechanism, self.coordinates = mechanism, JointCoordinates(mechanism)
+        self.equations = equations = Equations(scene(self.coordinates))
+        tree, world, origin = equations.tree, equations.world, equations.origins[GROUND]
+        self._matrix = equations.function(tree.mass_matrix)
+        self._forces = equations.function(tree.forcing)
         places = [(each.body, each.point) for each in mechanism.markers]
-        places += [(each.name, each.centre) for each in mechanism.bodies]
-        points = [equations.point(*place, f"read_{k}") for k, place in enumerate(places)]
+        points = [equations.point(*place) for place in places]
+        centres = [body.masscenter for body in equations.bodies]
         read = [each for p in points for each in (p.pos_from(origin), p.vel(world))]
+        read += [each.pos_from(origin) for each in centres]
         values = [vector.dot(axis) for vector in read for axis in (world.x, world.y)]
-        values += [-force for force in tree.auxiliary_eqs]
         energy = sum(body.kinetic_energy(world) for body in equations.bodies)
         self._readings = equations.function(
-            [energy, equations.potential_energy, *values], [speed.diff() for speed in equations.u]
+            [*values, *(-each for each in tree.auxiliary_eqs), energy, equations.potential_energy],
+            [speed.diff() for speed in equations.u],
         )
 
-    def dynamics(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mass matrix, and forces less those of Coriolis and centrifugal terms."""
-        values, n = self._dynamics(q, u), len(q)
-        return values[: n * n].reshape(n, n), values[n * n :]
+    def mass_matrix(self, j: FloatArray) -> FloatArray:
+        """KanesMethod's `mass_matrix`."""
+        return self._matrix(j, np.zeros_like(j)).reshape(len(j), len(j))
 
-    def accelerations(self, q: FloatArray, u: FloatArray, applied: FloatArray) -> FloatArray:
-        """Accelerations by the generated equations."""
-        matrix, forces = self.dynamics(q, u)
-        return np.linalg.solve(matrix, forces + applied)
+    def bias(self, j: FloatArray, v: FloatArray) -> FloatArray:
+        """KanesMethod's `forcing`, with the opposite sign; it has the loads."""
+        return -self._forces(j, v)
 
-    def mass_matrix(self, q: FloatArray) -> FloatArray:
-        """Generated mass matrix."""
-        return self.dynamics(q, np.zeros_like(q))[0]
-
-    def observe(self, q: FloatArray, u: FloatArray, a: FloatArray) -> Observation:
-        """Readings; a joint's reaction by its auxiliary equations, with forces of loads alone."""
-        values, mechanism = self._readings(q, u, a), self.mechanism
-        n = len(mechanism.markers) + len(mechanism.bodies)
-        points = values[2 : 2 + 4 * n].reshape(n, 2, 2)
-        names = [each.name for each in (*mechanism.markers, *mechanism.bodies)]
-        forces = values[2 + 4 * n :].reshape(-1, 2)
-        joints = [joint.name for joint in mechanism.tree.joints]
+    def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
+        """Points and energies; reactions by the auxiliary equations, without what holds loops."""
+        values = self._readings(j, v, a)
+        pairs, n, links = (
+            values[:-2].reshape(-1, 2),
+            len(self.mechanism.markers),
+            self.coordinates.links,
+        )
         return Observation(
-            {name: (points[k, 0], points[k, 1]) for k, name in enumerate(names)},
-            *values[:2],
-            dict(zip(joints, forces, strict=True)),
+            {
+                each.name: (pairs[2 * k], pairs[2 * k + 1])
+                for k, each in enumerate(self.mechanism.markers)
+            },
+            float(values[-2]),
+            float(values[-1]),
+            {joint.name: pairs[2 * n + len(links) + k] for k, (_, joint) in enumerate(links)},
         )
 
+    def centres(self, j: FloatArray) -> dict[str, FloatArray]:
+        """Centre of mass of each body in the world [m]."""
+        none = np.zeros_like(j)
+        pairs = self._readings(j, none, none)[:-2].reshape(-1, 2)[2 * len(self.mechanism.markers) :]
+        return {body.name: pairs[k] for k, (body, _) in enumerate(self.coordinates.links)}
 
-class Motion(ConstrainedDynamics):
-    """The equations in steps of SciPy's, stops and loops held by multipliers."""
+    def total_mass(self) -> float:
+        """Mass of SymPy's bodies [kg]."""
+        equations = self.equations
+        return float(sum(body.mass.subs(equations.constants) for body in equations.bodies))
+
+
+class KaneMotion(TreeMotion):
+    """The tree in steps of DOP853; stops and loops held by multipliers."""
 
     def __init__(self, mechanism: Mechanism, tolerance: float) -> None:
-        self.model = Model(mechanism)
-        super().__init__(mechanism, self.model)
-        # Springs and loads are in the equations.
+        super().__init__(KaneTree(mechanism))
+        # Springs and loads are in SymPy's equations.
         bare = mechanism.model_copy(update={"force_elements": ()})
         self.applied = AppliedForces(Kinematics(bare))
         # In a singular position of a loop no step is short enough: it has to be stepped over.
-        atol = np.inf if mechanism.loop_joints else tolerance
-        self.accuracy = {"rtol": tolerance, "atol": atol}
+        self.accuracy = {"rtol": tolerance, "atol": np.inf if mechanism.loop_joints else tolerance}
 
-    def advance(
-        self, state: tuple[FloatArray, FloatArray], step: float, held: Contacts
-    ) -> tuple[FloatArray, FloatArray]:
+    def advance(self, state: State, step: float, held: Contacts) -> State:
         """The state a step [s] later, contacts and loops held."""
-        n = len(state[0])
 
         def rates(x: FloatArray, _: float) -> FloatArray:
-            return np.concatenate([x[n:], self.solve(x[:n], x[n:], held).accelerations])
+            q, u = np.split(x, 2)
+            return np.concatenate([u, self.solve(q, u, held).accelerations])
 
-        after = dop853(rates, np.concatenate(state), (0.0, step), **self.accuracy)[-1]
-        return self.projected(after[:n], after[n:], held)
-
-    def observe(self, q: FloatArray, u: FloatArray, solved: Solved) -> Observation:
-        """Points, energies and forces; those of what is held are taken from the reactions."""
-        seen = self.model.observe(q, u, solved.accelerations)
-        others = subtree_sums(self.mechanism, self.forces_on_bodies(q, u, solved))
-        return replace(
-            seen,
-            points={each.name: seen.points[each.name] for each in self.mechanism.markers},
-            reactions={
-                joint.name: seen.reactions[joint.name] - others[joint.name]
-                for joint in self.mechanism.tree_joints
-                if joint.held_directions
-            }
-            | dict(solved.loops),
-        )
-
-    def inspect(self, states: Sequence[State]) -> Inspection:
-        """The equations in each state, and the start and masses of the scene that they are of."""
-        equations = self.model.equations
-        return Inspection(
-            start=np.array(equations.scene["start"]),
-            start_speeds=np.array(equations.scene["start_speeds"]),
-            dynamics=tuple(self._state(state) for state in states),
-            total_mass=float(sum(body.mass.subs(equations.constants) for body in equations.bodies)),
-        )
-
-    def _state(self, state: State) -> Dynamics:
-        solved = self.solve(state.q, state.u, state.closed)
-        matrix, forces = self.model.dynamics(state.q, state.u)
-        points = self.model.observe(state.q, state.u, solved.accelerations).points
-        return Dynamics(
-            accelerations=solved.accelerations,
-            stop_torques=solved.contacts,
-            mass_matrix=matrix,
-            forces=forces,
-            centres={each.name: points[each.name][0] for each in self.mechanism.bodies},
-            stop_gaps={name: float(self.kinematics.gap(name, state.q)) for name in state.closed},
-        )
+        q, u = np.split(dop853(rates, np.concatenate(state), (0.0, step), **self.accuracy)[-1], 2)
+        return self.projected(q, u, held)
 
 
 def run_system(problem: Problem, timestep: float, integrator: str, tolerance: float) -> Recording:
     """Move a problem by PyDy's System to its end or just beyond, and read it by the equations."""
-    motion = Motion(problem.mechanism, tolerance)
+    motion = KaneMotion(problem.mechanism, tolerance)
+    to, samples = motion.tree.coordinates, Samples(problem)
     times = timestep * np.arange(whole_steps(problem.duration, timestep) + 1.0)
-    samples = Samples(problem)
-    for t, q, u in zip(
-        times, *motion.model.equations.integrate(times, integrator, tolerance), strict=True
-    ):
+    j, v = motion.tree.equations.integrate(times, integrator, tolerance)
+    for t, q, u in zip(times, (j - to.offsets) @ to.sums.T, v @ to.sums.T, strict=True):
         solved = motion.solve(q, u, ())
-        samples.add(float(t), (q, u), solved.contacts, motion.observe(q, u, solved))
+        samples.add(float(t), (q, u), {}, motion.observe(q, u, solved))
     samples.steps = len(times) - 1
     return samples.recording(ContactEvents(problem.mechanism, "pydy"))
 
 
 def script(problem: Problem, timestep: float, integrator: str, tolerance: float) -> str:
-    """The run of :func:`run_system` as a program with PyDy, SymPy and SciPy alone."""
-    steps = whole_steps(problem.duration, timestep)
+    """The run of :func:`run_system` as a program with PyDy, SymPy, SciPy and NumPy alone."""
+    to, steps = JointCoordinates(problem.mechanism), whole_steps(problem.duration, timestep)
     return (
         f"{inspect.getsource(kane)}\n\n"
-        f"SCENE = {pprint.pformat(scene(problem.mechanism), width=96, sort_dicts=False)}\n"
+        f"SCENE = {pprint.pformat(scene(to), width=96, sort_dicts=False)}\n"
         f"t = {timestep!r} * np.arange({steps} + 1.0)\n"
-        f"q, u = Equations(SCENE).integrate(t, {integrator!r}, {tolerance!r})\n"
+        f"j, v = Equations(SCENE).integrate(t, {integrator!r}, {tolerance!r})\n"
+        f"sums = np.array({to.sums.tolist()})  # of turns from the parent to turns in the world\n"
+        f"q, u = (j - np.array({to.offsets.tolist()})) @ sums.T, v @ sums.T\n"
     )

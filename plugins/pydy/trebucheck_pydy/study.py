@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, PRESETS
+from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
@@ -42,7 +42,7 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
 
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by or engine.lacking and mechanism.stops:
+    if engine.assisted_by or mechanism.stops:
         return {}
     return {"SymPy and PyDy": engine.script(Problem(mechanism, duration=duration))}
 
