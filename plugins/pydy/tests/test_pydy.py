@@ -62,7 +62,9 @@ def test_the_defaults_are_pydys_own() -> None:
     assert engine.timestep == (end - start) / (n - 1)
     (own_tolerance,) = set(re.findall(r"1\.49012e-8", odeint.__doc__ or ""))
     assert engine.tolerance == float(own_tolerance)
-    program = engine.script(FREE_SWING).replace("integrate(rtol=tolerance, atol=tolerance)", "integrate()")
+    program = engine.script(FREE_SWING).replace(
+        "integrate(rtol=tolerance, atol=tolerance)", "integrate()"
+    )
     assert "integrate()" in program and engine.integrator == "odeint"
     found: dict[str, np.ndarray] = {}
     exec(program.replace("ode_solver=solver, ", ""), found)

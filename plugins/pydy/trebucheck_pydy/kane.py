@@ -31,8 +31,7 @@ def dop853(rates: Any, x: Any, times: Any, args: Any = (), *, rtol: float, atol:
         options: Any = {"first_step": end - start, "rtol": rtol, "atol": atol}
         solver = DOP853(lambda t, x: rates(x, t, *args), start, states[-1], end, **options)
         while solver.status == "running":
-            message = solver.step()
-            if solver.status == "failed":
+            if message := solver.step():
                 raise RuntimeError(f"DOP853: {message}")
         states.append(solver.y)
     return np.array(states)
@@ -53,8 +52,8 @@ class Equations:
         self.bodies, self.loads, self.potential_energy = list[Any](), list[Any](), sympy.Integer(0)
         for body in scene["bodies"]:
             self._add_body(*body)
-        for kind, *numbers in scene["loads"]:
-            getattr(self, f"_add_{kind}")(*numbers)
+        for kind, numbers in scene["loads"]:
+            getattr(self, f"_add_{kind}")(**numbers)
         self.closures = [row for loop in scene["loops"] for row in self._closures(*loop)]
 
     def vector(self, body: str, value: Any) -> Any:
@@ -68,30 +67,29 @@ class Equations:
         return point
 
     def _add_body(
-        self, name: str, mass: float, inertia: float, centre: Any, parent: str, ends: Any,
-        slides: Any, turn: int | None, turned: float,
+        self, name: str, mass: float, inertia: float, centre: Any,
+        parent: str, parent_point: Any, child_point: Any, slides: Any, turn: Any,
     ) -> None:  # fmt: skip
-        at, (angle, speed) = self.point(parent, ends[0]), self.angles[parent]
+        at, (angle, speed) = self.point(parent, parent_point), self.angles[parent]
         along, velocity = 0 * self.world.x, at.vel(self.world)
         for k, direction in slides:
-            axis = self.vector(parent, direction)
+            axis = self.vector(parent, (direction.real, direction.imag))
             along += self.q[k] * axis
             velocity += self.u[k] * axis - self.q[k] * speed * self.world.z.cross(axis)
-        if turn is None:
-            angle += turned
-        else:
-            angle, speed = angle + self.q[turn], speed + self.u[turn]
-        parting = me.dynamicsymbols(f"x{len(self.bodies)} y{len(self.bodies)}")
+        coordinate, turned = turn
+        if coordinate is not None:
+            angle, speed = angle + self.q[coordinate], speed + self.u[coordinate]
+        n = len(self.bodies)
+        parting, (m, moment) = me.dynamicsymbols(f"x{n} y{n}"), sympy.symbols(f"m{n} I{n}")
         self.auxiliary += parting
-        m, moment = sympy.symbols(f"m{len(self.bodies)} I{len(self.bodies)}")
         self.constants |= {m: mass, moment: inertia}
         frame = me.ReferenceFrame(re.sub(r"\W", "_", name))
-        frame.orient_axis(self.world, angle, -self.world.z)
+        frame.orient_axis(self.world, angle + turned, -self.world.z)
         frame.set_ang_vel(self.world, -speed * self.world.z)
-        self.frames[name], self.angles[name] = frame, (angle, speed)
+        self.frames[name], self.angles[name] = frame, (angle + turned, speed)
         pin = at.locatenew("P", along)
         pin.set_vel(self.world, velocity + parting[0] * self.world.x + parting[1] * self.world.y)
-        self.origins[name] = pin.locatenew("O", -self.vector(name, ends[1]))
+        self.origins[name] = pin.locatenew("O", -self.vector(name, child_point))
         self.origins[name].v2pt_theory(pin, self.world, frame)
         middle, gravity = self.point(name, centre), self.vector("ground", self.scene["gravity"])
         turning = (me.inertia(frame, 0, 0, moment), middle)
@@ -99,27 +97,38 @@ class Equations:
         self.loads.append(me.Force(middle, m * gravity))
         self.potential_energy -= m * gravity.dot(middle.pos_from(self.origins["ground"]))
 
-    def _add_spring(self, one: Any, other: Any, k: float, c: float, rest: float) -> None:
-        pathway = me.LinearPathway(self.point(*other), self.point(*one))
-        self.loads += me.LinearSpring(k, pathway, rest).to_loads()
-        self.loads += me.LinearDamper(c, pathway).to_loads() if c else []
-        self.potential_energy += k * (pathway.length - rest) ** 2 / 2
+    def _add_spring(
+        self, body: str, point: Any, relative_to: str, relative_point: Any,
+        stiffness: float, damping: float, rest_length: float,
+    ) -> None:  # fmt: skip
+        ends = self.point(relative_to, relative_point), self.point(body, point)
+        pathway = me.LinearPathway(*ends)
+        self.loads += me.LinearSpring(stiffness, pathway, rest_length).to_loads()
+        self.loads += me.LinearDamper(damping, pathway).to_loads() if damping else []
+        self.potential_energy += stiffness * (pathway.length - rest_length) ** 2 / 2
 
     def _add_torque(
-        self, body: str, other: str, constant: float, k: float, cubic: float, c: float, rest: float
-    ) -> None:
-        bend, rate = (a - b for a, b in zip(self.angles[body], self.angles[other], strict=True))
-        torque = constant - k * (bend - rest) - cubic * (bend - rest) ** 3 - c * rate
-        frames = self.frames[body], self.frames[other]
-        self.loads += me.TorqueActuator(torque, -self.world.z, *frames).to_loads()
-        self.potential_energy += k * (bend - rest) ** 2 / 2 + cubic * (bend - rest) ** 4 / 4
+        self, body: str, relative_to: str, torque: float = 0, stiffness: float = 0,
+        damping: float = 0, cubic_stiffness: float = 0, rest_angle: float = 0,
+    ) -> None:  # fmt: skip
+        ends = self.angles[body], self.angles[relative_to]
+        bend, rate = (one - other for one, other in zip(*ends, strict=True))
+        energy = stiffness * (bend - rest_angle) ** 2 / 2
+        energy += cubic_stiffness * (bend - rest_angle) ** 4 / 4
+        spring = stiffness * (bend - rest_angle) + cubic_stiffness * (bend - rest_angle) ** 3
+        law, frames = (
+            torque - spring - damping * rate,
+            (self.frames[body], self.frames[relative_to]),
+        )
+        self.loads += me.TorqueActuator(law, -self.world.z, *frames).to_loads()
+        self.potential_energy += energy
 
-    def _add_force(self, body: str, place: Any, force: Any) -> None:
-        self.loads.append(me.Force(self.point(body, place), self.vector("ground", force)))
+    def _add_force(self, body: str, point: Any, force: Any) -> None:
+        self.loads.append(me.Force(self.point(body, point), self.vector("ground", force)))
 
     def _closures(self, one: Any, other: Any, frame: str, held: Any, turned: Any) -> list[Any]:
         between = self.point(*one).pos_from(self.point(*other))
-        rows = [between.dot(self.vector(frame, axis)) for axis in held]
+        rows = [between.dot(self.vector(frame, (axis.real, axis.imag))) for axis in held]
         angle = self.angles[one[0]][0] - self.angles[other[0]][0]
         return rows if turned is None else [*rows, angle - turned]
 
@@ -154,9 +163,10 @@ class Equations:
         _, pivots, columns = qr(jacobian, pivoting=True)
         rank = int(np.sum(np.abs(np.diag(pivots)) > RANK * abs(pivots[0, 0])))
         kept, bound = sorted(qr(jacobian.T, pivoting=True)[2][:rank]), sorted(columns[:rank])
+        free = sorted(columns[rank:])
         return self.kanes_method(
-            q_ind=[self.q[k] for k in sorted(columns[rank:])],
-            u_ind=[self.u[k] for k in sorted(columns[rank:])],
+            q_ind=[self.q[k] for k in free],
+            u_ind=[self.u[k] for k in free],
             q_dependent=[self.q[k] for k in bound],
             u_dependent=[self.u[k] for k in bound],
             configuration_constraints=[self.closures[k] for k in kept],
@@ -167,11 +177,10 @@ class Equations:
         """Joint coordinates and speeds at times [s], each of shape (n, n_q), by PyDy's System."""
         solver = {"odeint": odeint, "DOP853": dop853}[integrator]
         system = System(self.closed(), ode_solver=solver, times=times)
-        system.constants = {m: self.constants[m] for m in system.constants_symbols}
-        start = [*self.scene["start"], *self.scene["start_speeds"]]
-        system.initial_conditions = dict(zip([*self.q, *self.u], start, strict=True))
+        system.constants = {each: self.constants[each] for each in system.constants_symbols}
+        start, states = self.scene["start"] + self.scene["start_speeds"], [*self.q, *self.u]
+        system.initial_conditions = dict(zip(states, start, strict=True))
         with warnings.catch_warnings():
             warnings.simplefilter("error", ODEintWarning)  # it goes on with what is no solution
             x = system.integrate(rtol=tolerance, atol=tolerance)
-        columns = [system.states.index(each) for each in (*self.q, *self.u)]
-        return x[:, columns[: len(self.q)]], x[:, columns[len(self.q) :]]
+        return tuple(np.split(x[:, [system.states.index(each) for each in states]], 2, axis=1))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import pprint
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,58 +24,44 @@ from trebucheck_toolkit.schemes import State
 from . import kane
 from .kane import Equations, dop853
 
-
-def _torque(each: Any, constant: float, stiffness: float, cubic: float, damping: float) -> Any:
-    rest = getattr(each, "rest_angle", 0.0)
-    return ("torque", each.body, each.relative_to, constant, stiffness, cubic, damping, rest)
-
-
-LOADS: elements.ElementTable[Callable[[Any], Any]] = elements.ElementTable(
+LOADS: elements.ElementTable[str] = elements.ElementTable(
     "pydy",
     elements.FORCE_ELEMENTS,
     {
-        elements.SpringDamper: lambda e: (
-            *("spring", *e.ends),
-            *(e.stiffness, e.damping, e.rest_length),
-        ),
-        elements.RotationalSpringDamper: lambda e: _torque(e, 0.0, e.stiffness, 0.0, e.damping),
-        elements.CubicTorsionSpring: lambda e: _torque(e, 0.0, e.stiffness, e.cubic_stiffness, 0.0),
-        elements.ConstantTorque: lambda e: _torque(e, e.torque, 0.0, 0.0, 0.0),
-        elements.ConstantForce: lambda e: ("force", e.body, e.point, e.force),
+        elements.SpringDamper: "spring",
+        elements.ConstantForce: "force",
+        elements.RotationalSpringDamper: "torque",
+        elements.CubicTorsionSpring: "torque",
+        elements.ConstantTorque: "torque",
     },
     others="our adapter gives SymPy no such load; SymPy takes any expression",
 )
-
-
-def _pairs(directions: Any) -> list[tuple[float, float]]:
-    return [(complex(each).real, complex(each).imag) for each in directions]
+"""The method of `Equations` that adds a load."""
 
 
 def scene(to: JointCoordinates) -> dict[str, Any]:
     """The mechanism as plain data, in joint coordinates."""
-    mechanism, bodies, k = to.mechanism, list[Any](), 0
-    q, u = initial_state(mechanism)
+    bodies, (q, u), k = list[Any](), initial_state(to.mechanism), 0
     for body, joint in to.links:
-        slides = list(enumerate(_pairs(joint.free_directions), k))
+        slides = list(enumerate(joint.free_directions, k))
         k += len(slides)
-        turn = None if body.angle is None else k
+        turn = (None, joint.turned_by) if body.angle is None else (k, 0.0)
         k += body.angle is not None
-        ends = (joint.parent_point, joint.child_point)
-        bodies.append(
-            (body.name, body.mass, body.inertia, body.centre)
-            + (joint.parent, ends, slides, turn, joint.turned_by or 0.0)
-        )
-    loops = [
-        ((joint.child, joint.child_point), (joint.parent, joint.parent_point))
-        + (joint.parent if joint.free_directions else GROUND, _pairs(joint.held_directions))
-        + (joint.turned_by,)
-        for joint in mechanism.loop_joints
-    ]
+        place = joint.parent, joint.parent_point, joint.child_point, slides, turn
+        bodies.append((body.name, body.mass, body.inertia, body.centre, *place))
+    loops: list[Any] = []
+    for joint in to.mechanism.loop_joints:
+        ends = (joint.child, joint.child_point), (joint.parent, joint.parent_point)
+        frame = joint.parent if joint.free_directions else GROUND
+        loops.append((*ends, frame, joint.held_directions, joint.turned_by))
     return {
         "bodies": bodies,
         "loops": loops,
-        "loads": [LOADS[each](each) for each in mechanism.force_elements],
-        "gravity": tuple(mechanism.gravity_vector),
+        "loads": [
+            (LOADS[each], each.model_dump(exclude={"name", "kind"}))
+            for each in to.mechanism.force_elements
+        ],
+        "gravity": tuple(to.mechanism.gravity_vector),
         "start": to.positions(q).tolist(),
         "start_speeds": to.speeds(u).tolist(),
     }
@@ -91,17 +76,17 @@ class KaneTree:
         tree, world, origin = equations.tree, equations.world, equations.origins[GROUND]
         self._matrix = equations.function(tree.mass_matrix)
         self._forces = equations.function(tree.forcing)
-        places = [(each.body, each.point) for each in mechanism.markers]
-        points = [equations.point(*place) for place in places]
-        centres = [body.masscenter for body in equations.bodies]
-        read = [each for p in points for each in (p.pos_from(origin), p.vel(world))]
-        read += [each.pos_from(origin) for each in centres]
-        values = [vector.dot(axis) for vector in read for axis in (world.x, world.y)]
-        energy = sum(body.kinetic_energy(world) for body in equations.bodies)
-        self._readings = equations.function(
-            [*values, *(-each for each in tree.auxiliary_eqs), energy, equations.potential_energy],
-            [speed.diff() for speed in equations.u],
+        read = [equations.point(each.body, each.point) for each in mechanism.markers]
+        motions = [vector for p in read for vector in (p.pos_from(origin), p.vel(world))]
+        centres = [body.masscenter.pos_from(origin) for body in equations.bodies]
+        self._points, self._centres = (
+            equations.function([each.dot(axis) for each in vectors for axis in (world.x, world.y)])
+            for vectors in (motions, centres)
         )
+        kinetic_energy = sum(body.kinetic_energy(world) for body in equations.bodies)
+        self._energies = equations.function([kinetic_energy, equations.potential_energy])
+        rates = [speed.diff() for speed in equations.u]
+        self._opposites = equations.function(tree.auxiliary_eqs, rates)
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
         """KanesMethod's `mass_matrix`."""
@@ -113,27 +98,20 @@ class KaneTree:
 
     def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
         """Points and energies; reactions by the auxiliary equations, without what holds loops."""
-        values = self._readings(j, v, a)
-        pairs, n, links = (
-            values[:-2].reshape(-1, 2),
-            len(self.mechanism.markers),
-            self.coordinates.links,
-        )
+        points, (kinetic, potential) = self._points(j, v).reshape(-1, 2, 2), self._energies(j, v)
+        names = [each.name for each in self.mechanism.markers]
+        joints = [joint.name for _, joint in self.coordinates.links]
         return Observation(
-            {
-                each.name: (pairs[2 * k], pairs[2 * k + 1])
-                for k, each in enumerate(self.mechanism.markers)
-            },
-            float(values[-2]),
-            float(values[-1]),
-            {joint.name: pairs[2 * n + len(links) + k] for k, (_, joint) in enumerate(links)},
+            {name: (at, velocity) for name, (at, velocity) in zip(names, points, strict=True)},
+            kinetic,
+            potential,
+            dict(zip(joints, -self._opposites(j, v, a).reshape(-1, 2), strict=True)),
         )
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
         """Centre of mass of each body in the world [m]."""
-        none = np.zeros_like(j)
-        pairs = self._readings(j, none, none)[:-2].reshape(-1, 2)[2 * len(self.mechanism.markers) :]
-        return {body.name: pairs[k] for k, (body, _) in enumerate(self.coordinates.links)}
+        names = [body.name for body, _ in self.coordinates.links]
+        return dict(zip(names, self._centres(j, np.zeros_like(j)).reshape(-1, 2), strict=True))
 
     def total_mass(self) -> float:
         """Mass of SymPy's bodies [kg]."""
