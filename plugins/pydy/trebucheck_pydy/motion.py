@@ -142,15 +142,16 @@ class KaneMotion(TreeMotion):
 
 
 def run_system(problem: Problem, timestep: float, integrator: str, tolerance: float) -> Recording:
-    """Move a problem by PyDy's System to its end or just beyond, and read it by the equations."""
+    """Move a problem by PyDy's System to its end, and read it by the equations."""
     motion = KaneMotion(problem.mechanism, tolerance)
     to, samples = motion.tree.coordinates, Samples(problem)
-    times = timestep * np.arange(whole_steps(problem.duration, timestep) + 1.0)
+    steps = whole_steps(problem.duration, timestep)
+    times = np.minimum(timestep * np.arange(steps + 1.0), problem.duration)
     j, v = motion.tree.equations.integrate(times, integrator, tolerance)
     for t, q, u in zip(times, (j - to.offsets) @ to.sums.T, v @ to.sums.T, strict=True):
         solved = motion.solve(q, u, ())
         samples.add(float(t), (q, u), {}, motion.observe(q, u, solved))
-    samples.steps = len(times) - 1
+    samples.steps = steps
     return samples.recording(ContactEvents(problem.mechanism, "pydy"))
 
 
@@ -160,7 +161,7 @@ def script(problem: Problem, timestep: float, integrator: str, tolerance: float)
     return (
         f"{inspect.getsource(kane)}\n\n"
         f"SCENE = {pprint.pformat(scene(to), width=96, sort_dicts=False)}\n"
-        f"t = {timestep!r} * np.arange({steps} + 1.0)\n"
+        f"t = np.minimum({timestep!r} * np.arange({steps} + 1.0), {problem.duration!r})\n"
         f"j, v = Equations(SCENE).integrate(t, {integrator!r}, {tolerance!r})\n"
         f"sums = np.array({to.sums.tolist()})  # of turns from the parent to turns in the world\n"
         f"q, u = (j - np.array({to.offsets.tolist()})) @ sums.T, v @ sums.T\n"
