@@ -88,8 +88,7 @@ def test_dop853_is_of_order_eight_down_to_rounding() -> None:
     problem = FREE_SWING.model_copy(update={"duration": 1.6})
     steps = (0.16, 0.08)
     errors = [
-        _errors(tb.engine("pydy", "settings", timestep=h, tolerance=0.1).simulate(problem))[0]
-        for h in steps
+        _errors(tb.engine("pydy", timestep=h, tolerance=0.1).simulate(problem))[0] for h in steps
     ]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(8.0, abs=1.0)
     assert _errors(tb.engine("pydy", "settings").simulate(problem))[0] < ROUNDING
