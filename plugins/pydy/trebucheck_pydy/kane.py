@@ -24,20 +24,15 @@ from sympy.physics import mechanics as me
 RANK = 1e-9  # of the constraints' largest pivot at the start: redundant ones have smaller pivots
 
 
-def dop853(
-    rates: Any, x: Any, times: Any, args: Any = (), *, whole: bool = False, **options: Any
-) -> Any:
-    """SciPy's DOP853 with the signature of `odeint`, in steps that end at the times [s].
-
-    Args:
-        rates, x, times, args: as of `odeint`.
-        whole: try the whole way between two times at once; otherwise SciPy chooses the first step.
-        options: `rtol` and `atol`.
-    """
+def dop853(rates: Any, x: Any, times: Any, args: Any = (), *, rtol: float, atol: float) -> Any:
+    """SciPy's DOP853 with the signature of `odeint`, in steps that end at the times [s]."""
     states = [np.asarray(x, dtype=float)]
     for start, end in pairwise(times):
-        options["first_step"] = end - start if whole else None
-        solver = DOP853(lambda t, x: rates(x, t, *args), start, states[-1], end, **options)
+        options: Any = {"first_step": end - start, "rtol": rtol, "atol": atol}
+        # PyDy writes all its results into one array, and SciPy keeps what it is given.
+        solver = DOP853(
+            lambda t, x: np.array(rates(x, t, *args)), start, states[-1], end, **options
+        )
         while solver.status == "running":
             if message := solver.step():
                 raise RuntimeError(f"DOP853: {message}")

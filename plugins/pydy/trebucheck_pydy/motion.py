@@ -129,7 +129,7 @@ class KaneMotion(TreeMotion):
         self.applied = AppliedForces(Kinematics(bare))
         # In a singular position of a loop no step is short enough: it has to be stepped over.
         atol = np.inf if mechanism.loop_joints else tolerance
-        self.options: Any = {"rtol": tolerance, "atol": atol, "whole": True}
+        self.accuracy = {"rtol": tolerance, "atol": atol}
 
     def advance(self, state: State, step: float, held: Contacts) -> State:
         """The state a step [s] later, contacts and loops held."""
@@ -138,7 +138,7 @@ class KaneMotion(TreeMotion):
             q, u = np.split(x, 2)
             return np.concatenate([u, self.solve(q, u, held).accelerations])
 
-        q, u = np.split(dop853(rates, np.concatenate(state), (0.0, step), **self.options)[-1], 2)
+        q, u = np.split(dop853(rates, np.concatenate(state), (0.0, step), **self.accuracy)[-1], 2)
         return self.projected(q, u, held)
 
 
