@@ -91,6 +91,11 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "iterations", "stiffness", "air_friction", "pixels"}),
         ("double-pendulum", "n-four-bar", "welded-rods", "motor", "spring-pendulum"),
     ),
+    # It has no stops: the machines are in its own tests, assisted.
+    "pydy": Case(
+        frozenset({"timestep", "integrator", "tolerance"}),
+        ("double-pendulum", "slider-crank", "motor", "spring-pendulum", "welded-rods"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

@@ -125,7 +125,7 @@ LOOP_OF_ITS_EXAMPLES = Steps(
 )
 MOVED = tuple(Steps(name, "assisted", 8e-3) for name in ("pinocchio", "dart", "pybullet", "mjx"))
 """Those that RK4 moves."""
-EXACT = (*MOVED, *(Steps(name, "assisted", 1e-3) for name in ("drake", "opensim")))
+EXACT = (*MOVED, *(Steps(name, "assisted", 1e-3) for name in ("drake", "opensim", "pydy")))
 
 
 def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:

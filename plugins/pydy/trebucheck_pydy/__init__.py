@@ -1,0 +1,1 @@
+"""SymPy's Kane's method, moved by PyDy, as an engine of trebucheck."""

@@ -1,0 +1,75 @@
+"""PyDy's entries for studies: tolerances, orders and causes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trebucheck.engines.presets import ASSISTED, PRESETS
+from trebucheck.engines.study import (
+    ASSISTED_SET,
+    DEFAULT_SET,
+    REFINEMENT,
+    SETTINGS_SET,
+    Cause,
+    ConstraintKinds,
+    EngineStudy,
+    Intervention,
+    MaintainersNote,
+    Refinement,
+    Tolerance,
+    multiplied,
+    time_step_cause,
+)
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
+from trebucheck_toolkit.scheme_tables import error_controlled
+
+
+def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    return (
+        Cause(
+            "tolerance",
+            "the local error that the integrator is asked for",
+            Intervention({"tolerance": 1e-13, "integrator": "DOP853"}),
+        ),
+        Cause(
+            "dependent speeds",
+            "drift of loops, and positions in which a dependent speed has no value",
+            Intervention({"mode": "events"}),
+        ),
+        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+    )
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by or mechanism.stops:
+        return {}
+    return {"SymPy and PyDy": engine.script(Problem(mechanism, duration=duration))}
+
+
+STUDY = EngineStudy(
+    causes=_causes,
+    step_orders=dict.fromkeys(
+        PRESETS, error_controlled("DOP853 (default: LSODA): the step is only an upper bound")
+    ),
+    refinements=(Refinement("tolerance", "a tenth of it", multiplied("tolerance", 0.1)),),
+    option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
+    snippets=_snippets,
+    # Errors grow some 1e3-fold in the paper's machines; forces are 1e4 N.
+    tolerances=tuple(
+        Tolerance(ASSISTED, metric, 1e-9, 4e-3, 8, "DOP853 at a tolerance of 1e-13", per=per)
+        for metric, per in (("position_max", ""), ("release_time", ""), ("stop_torque_max", "peak"))
+    ),
+    title="PyDy (SymPy's Kane's method)",
+    binding="the Python distributions `pydy` and `sympy`",
+    maintainers_note=MaintainersNote(
+        chosen="`default` is `System.integrate()` without arguments: SciPy's odeint at its "
+        "tolerances of 1.5e-8; `settings` hands the same equations to DOP853 at 1e-13.",
+        not_possible="SymPy's mechanics has no unilateral constraints, so that neither preset has "
+        "stops; loops are closed by dependent speeds, which are chosen once, and have no value in "
+        "positions where that choice is singular.",
+        would_change="Stops and their events in PyDy's System; until then the assisted preset "
+        "speaks for the generated equations alone.",
+    ),
+    colour="#3c5a14",
+)
