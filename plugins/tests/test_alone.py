@@ -71,6 +71,12 @@ CASES: Mapping[str, Case] = {
         | {"solref", "solimp", "margin"},
         ("fixed", "slider-crank", "spring-pendulum"),
     ),
+    # Of few joints: its kernels are compiled anew for each number of them.
+    "mujoco_warp": Case(
+        frozenset({"timestep", "integrator", "solver", "tolerance", "iterations"})
+        | {"solref", "solimp", "margin"},
+        ("fixed", "slider-crank", "spring-pendulum"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

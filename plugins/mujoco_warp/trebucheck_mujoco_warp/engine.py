@@ -40,6 +40,11 @@ class MujocoWarpEngine(MujocoModelEngine):
     default_options: ClassVar[Mapping[str, object] | None] = DEFAULTS | {
         "tolerance": LEAST_TOLERANCE
     }
+    # Nearer to 1 the impedance multiplies the rounding of a redundant loop's forces.
+    settings_options: ClassVar[Mapping[str, object] | None] = {
+        "limits": "soft",
+        "solimp": (0.99, 0.99, 0.001, 0.5, 2.0),
+    }
     assistance: ClassVar[tuple[Assistance, ...] | None] = held_by_multipliers("MuJoCo Warp")
 
     tolerance: Real = Field(
@@ -48,9 +53,8 @@ class MujocoWarpEngine(MujocoModelEngine):
         description="gain at which the solver stops; `put_model` raises smaller ones to 1e-6",
     )
 
-    # Imported here so that the class, its options and its documentation need no Warp.
-
     def _run_alone(self, problem: Problem) -> Recording:
+        # Imported here so that the class, its options and its documentation need no Warp.
         from .world import run_alone
 
         return run_alone(problem, self.of_mujoco)

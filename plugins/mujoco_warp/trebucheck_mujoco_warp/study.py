@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from trebucheck.engines.study import (
-    HALF_THE_STEP,
-    EngineStudy,
-    MaintainersNote,
-)
+from trebucheck.engines.study import EngineStudy, MaintainersNote
 from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by, snippets_of
 
 LEAST_TOLERANCE = 1e-6
@@ -15,7 +11,6 @@ LEAST_TOLERANCE = 1e-6
 STUDY = EngineStudy(
     causes=causes_by({"tolerance": LEAST_TOLERANCE}),
     step_orders=ORDERS,
-    refinements=(HALF_THE_STEP,),
     option_sets=OPTION_SETS,
     single_precision=lambda _: True,
     snippets=snippets_of("MuJoCo Warp in Python"),
@@ -25,7 +20,7 @@ STUDY = EngineStudy(
         chosen="Its own defaults are those of an empty MuJoCo model; RK4, a stiffer `solref` and "
         "shorter steps are what its options add: the free swing keeps "
         "{{ plain.error('free-swing', 'position') }} by itself, "
-        "{{ alone.error('free-swing', 'position') }} with its options.",
+        "{{ alone.error('free-swing', 'position') }} with its options, which is rounding.",
         not_possible="Its numbers are of single precision with any option. A limit stays in the "
         "model when its stop has let go, has no restitution, and begins without its force; the "
         "adapter does these in its place where a row says so.",

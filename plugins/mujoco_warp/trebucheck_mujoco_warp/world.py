@@ -67,9 +67,9 @@ class World:
 
     def refuse_overflow(self) -> None:
         """Raise SimulationError if contacts or constraints did not find room, and were left out."""
-        of_solver = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS  # it goes on
-        left_out = mjw.OverflowType(int(self.data.overflow.numpy()[0])) & ~of_solver
-        if left_out:
+        kinds = mjw.OverflowType
+        left_out = kinds(self.data.overflow.numpy()[0]) & ~(kinds.ITERATIONS | kinds.LS_ITERATIONS)
+        if left_out:  # beside a solver that stops at its last iteration, and goes on
             raise SimulationError(f"mujoco_warp left constraints out: {left_out!r}.")
 
 
@@ -89,17 +89,21 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
     states, sensors = list[FloatArray](), list[FloatArray]()
 
     @read_each_step
-    def read(rows: list[FloatArray], *names: str) -> None:
-        rows.append(np.concatenate([world.numbers(name) for name in names]))
+    def read_state() -> None:
+        states.append(np.concatenate([world.numbers("qpos"), world.numbers("qvel")]))
 
-    read(states, "qpos", "qvel")
+    @read_each_step
+    def read_sensors() -> None:
+        sensors.append(world.numbers("sensordata"))
+
+    read_state()
     for _ in range(steps):
         world.step()
-        read(sensors, "sensordata")  # in the state in which the step began
-        read(states, "qpos", "qvel")
+        read_sensors()  # those of the state in which the step began
+        read_state()
     with timed_reading():
         world.forward()
-        read(sensors, "sensordata")
+        read_sensors()
         world.refuse_overflow()
         samples, events = Samples(steps=steps), ContactEvents(mechanism, "mujoco_warp")
         times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
