@@ -250,7 +250,7 @@ def test_constraints_that_find_no_room_are_no_result() -> None:
 
 
 def test_a_run_that_diverges_is_a_failed_run() -> None:
-    """A spring at steps longer than its period, by a rule that is not implicit in positions."""
+    """A spring at steps beyond the limit of stability of semi-implicit Euler."""
     with pytest.raises(tb.SimulationError, match="finite"):
         _engine(DEFAULT, timestep=1.0).simulate(_problem("oscillator", 100.0))
 
