@@ -96,6 +96,12 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "integrator", "tolerance"}),
         ("double-pendulum", "slider-crank", "motor", "spring-pendulum", "welded-rods"),
     ),
+    # Of few joints: its kernels are compiled anew for each number of them.
+    "mujoco_warp": Case(
+        frozenset({"timestep", "integrator", "solver", "tolerance", "iterations"})
+        | {"solref", "solimp", "margin"},
+        ("fixed", "slider-crank", "spring-pendulum"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

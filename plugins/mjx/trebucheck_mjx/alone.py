@@ -23,7 +23,6 @@ from trebucheck.engines.mujoco.options import MujocoOptions
 from trebucheck.engines.mujoco.read import IN_PLANE, absolute_from_relative
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import timed_reading
-from trebucheck.engines.study import filled_template
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import Kinematics
@@ -109,23 +108,6 @@ def _recording(
         release_times=events.releases,
         joint_reactions=_reactions(mechanism, sensing, seen, applied.on_bodies(q, u)),
         steps=steps,
-    )
-
-
-def script(problem: Problem, options: MujocoOptions, *, double: bool) -> str:
-    """The run of :func:`run_alone` as a program of its own."""
-    mechanism = problem.mechanism
-    text = model_text(mechanism, options, sensors=False)
-    sums = absolute_from_relative(mechanism, compiled(mechanism, text))
-    return filled_template(
-        __name__,
-        "alone.py.j2",
-        mjcf=text,
-        double=double,
-        steps=whole_steps(problem.duration, options.timestep),
-        chunk=CHUNK,
-        start=mechanism.start,
-        sums=sums.tolist(),
     )
 
 

@@ -40,11 +40,11 @@ import numpy as np  # noqa: E402
 
 with _without_words_on_warp():
     from mujoco import mjx
-from trebucheck.engines.mujoco.read import absolute_from_relative  # noqa: E402
 from trebucheck.models.arrays import FloatArray  # noqa: E402
 from trebucheck.models.errors import UnsupportedProblemError  # noqa: E402
 from trebucheck.models.mechanism import Mechanism  # noqa: E402
 from trebucheck.models.mjcf.writer import mjcf  # noqa: E402
+from trebucheck_toolkit.mujoco_models import CompiledModel, Seen  # noqa: E402
 
 _NOT_IN_MJX = (
     mujoco.mjtSensor.mjSENS_E_POTENTIAL,
@@ -84,22 +84,7 @@ class Given:
     """What it is a model of, for messages."""
 
 
-@dataclass(frozen=True)
-class Seen:
-    """Readings of the model in a state."""
-
-    mass: FloatArray
-    """Full mass matrix, shape (n_v, n_v)."""
-    constraint: FloatArray
-    """Joint forces of all constraints, shape (n_v,)."""
-    sensors: FloatArray
-    centres: FloatArray
-    """World positions of the bodies' centres of mass [m], shape (n_body, 3)."""
-    internal: FloatArray
-    """Force of each body's parent on it, world frame [N], shape (n_body, 3)."""
-
-
-class Built:
+class Built(CompiledModel):
     """A mechanism's model with MuJoCo's bookkeeping, and MJX's functions of it."""
 
     def __init__(self, mechanism: Mechanism, timestep: float, *, double: bool) -> None:
@@ -109,23 +94,16 @@ class Built:
             UnsupportedProblemError: MJX has not what the model needs; its own words.
         """
         jax.config.update("jax_enable_x64", double)
-        self.mechanism, self.timestep = mechanism, timestep
         found = _functions(Given(mjcf(mechanism, timestep), double, mechanism))
-        self.model, self.data = found.model, found.data
-        self.sums = absolute_from_relative(mechanism, self.model)
-        """C with q = start + C qpos and u = C qvel, shape (n_q, n_v)."""
-        self.differences = np.linalg.inv(self.sums)
+        super().__init__(mechanism, found.model)
+        self._data = found.data
         self._dynamics, self._forward, self._step = found.dynamics, found.forward, found.step
-        self._warm: Any = self.data.qacc_warmstart
+        self._warm: Any = self._data.qacc_warmstart
 
-    def joint_state(self, q: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """MJX's positions and speeds of the mechanism's."""
-        return self.differences @ (q - np.array(self.mechanism.start)), self.differences @ u
-
-    def coordinates_of(self, positions: Any, speeds: Any) -> tuple[FloatArray, FloatArray]:
-        """The mechanism's coordinates and speeds of MJX's."""
-        j, v = np.asarray(positions, dtype=np.float64), np.asarray(speeds, dtype=np.float64)
-        return np.array(self.mechanism.start) + self.sums @ j, self.sums @ v
+    @property
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """The mechanism's coordinates and speeds at the start, as built."""
+        return self.coordinates_of(self._data.qpos, self._data.qvel)
 
     def dynamics(
         self, q: FloatArray, u: FloatArray, generalized: FloatArray
@@ -212,7 +190,7 @@ def _forward(
     seen = mjx.forward(model, data)
     # `forward` leaves internal forces, and with them force sensors, at zero.
     internal = mjx.rne_postconstraint(model, seen)._impl.cfrc_int[:, 3:]
-    return mjx.full_m(model, seen), seen.qfrc_constraint, seen.sensordata, seen.xipos, internal
+    return mjx.full_m(model, seen), seen.sensordata, seen.xipos, internal
 
 
 def _step(

@@ -2,115 +2,36 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from pydantic import JsonValue
-from trebucheck.engines.mujoco.options import scaled_solref
-from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
+from trebucheck.engines.presets import SETTINGS
 from trebucheck.engines.study import (
-    ASSISTED_SET,
-    DEFAULT_SET,
     HALF_THE_STEP,
-    REFINEMENT,
-    SETTINGS_SET,
     Cause,
-    ConstraintKinds,
     EngineStudy,
     Intervention,
     MaintainersNote,
     OptionSet,
-    StepOrder,
-    time_step_cause,
-    with_readout,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck_toolkit.scheme_tables import RK4_LOCATED, located_tolerances
+from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by, snippets_of
+from trebucheck_toolkit.scheme_tables import located_tolerances
 
-PYTHON = "MJX in Python"
-_HARDEST: dict[str, JsonValue] = {"solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "margin": 1e-12}
-_MULTIPLIERS: dict[str, JsonValue] = {
-    **_HARDEST,
-    "limits": "multipliers",
-    "precision": "double",
-    "integrator": "RK4",
-    "solver": "Newton",
-    "tolerance": 1e-30,
-    "iterations": 100,
-    "solref": None,
-}
-
-
-def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / REFINEMENT}
-    if settings["limits"] == "multipliers":
-        return with_readout(time_step_cause(finer))
-    stiffest = [*scaled_solref(float(settings["timestep"]), settings["integrator"])]
-    if settings["solref"] is None:  # it would follow the step
-        finer["solref"] = stiffest
-    constrained = (
-        Cause(
-            "soft constraints",
-            "stops and loops are springs with dampers: they give way, begin without force, and a "
-            "step goes over a release",
-            Intervention(_MULTIPLIERS),
-        ),
-        Cause(
-            "constraint softness",
-            "limits, contacts and equalities are softer than the step can bear",
-            Intervention({**_HARDEST, "solref": stiffest}),
-        ),
-    )
-    return with_readout(
-        *(constrained if constraints.angles or constraints.points else ()),
-        Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"})),
-        Cause(
-            "integrator",
-            "the rule of a step, of first order but for RK4",
-            Intervention({"integrator": "RK4"}),
-        ),
-        time_step_cause(finer),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
-
+_PRECISION = Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"}))
 
 STUDY = EngineStudy(
-    causes=_causes,
-    step_orders={
-        DEFAULT: StepOrder(
-            None,
-            "Euler's rule is of first order, and the limits' softness is fixed: it does not fall "
-            "with the step",
-            "semi-implicit Euler, joint coordinates",
-        ),
-        SETTINGS: StepOrder(
-            None,
-            "the limits' softness falls with the step's square, but a step goes over the kink at "
-            "a release, wherever that is in it",
-            RK4_LOCATED.scheme,
-        ),
-        ASSISTED: RK4_LOCATED,
-    },
+    causes=causes_by({"precision": "double"}, _PRECISION),
+    step_orders=ORDERS,
     refinements=(HALF_THE_STEP,),
     option_sets=(
-        DEFAULT_SET,
-        OptionSet("RK4", "default, with the integrator RK4", DEFAULT, {"integrator": "RK4"}),
+        *OPTION_SETS[:2],
         OptionSet(
             "single precision",
             "settings, in JAX's own precision",
             SETTINGS,
             {"precision": "single"},
         ),
-        SETTINGS_SET,
-        ASSISTED_SET,
+        *OPTION_SETS[2:],
     ),
     tolerances=located_tolerances(),
-    snippets=_snippets,
+    snippets=snippets_of("MJX in Python"),
     title="MJX",
     binding="the Python wheel `mujoco-mjx`",
     maintainers_note=MaintainersNote(

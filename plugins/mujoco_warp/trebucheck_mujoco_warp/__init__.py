@@ -1,0 +1,1 @@
+"""MuJoCo Warp as an engine of trebucheck."""
