@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, PRESETS
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
+    HALF_THE_STEP,
     REFINEMENT,
     SETTINGS_SET,
     Cause,
@@ -15,16 +16,67 @@ from trebucheck.engines.study import (
     EngineStudy,
     Intervention,
     MaintainersNote,
+    OptionSet,
     StepOrder,
-    Tolerance,
     time_step_cause,
 )
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
+from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
+
+_CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
+    "joints": ("joints are springs, or corrected in part in a step", {"pipeline": "generalized"}),
+    "precision": ("numbers of 24 bits", {"precision": "double"}),
+    "mass matrix": ("its inverse is improved from the last", {"matrix_inv_iterations": 0}),
+    "solver of limits": ("it ends at a residual of fixed size", {"mass_unit": "machine"}),
+    "softness": (
+        "limits are softer than need be",
+        {"solref": None, "solimp": [0.99] * 2 + [1e-3, 0.5, 2.0]},
+    ),
+}
 
 
-def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    return (time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),)
+def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+    own = (Cause(name, why, Intervention(change)) for name, (why, change) in _CHANGES.items())
+    return (*own, time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}))
 
 
-STUDY = EngineStudy(causes=_causes, title="Brax", colour="#d4267f")
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {"Brax in Python": engine.script(Problem(mechanism, duration=duration))}
+
+
+STUDY = EngineStudy(
+    causes=_causes,
+    step_orders={
+        DEFAULT: StepOrder(None, "first order, and limits of fixed softness", EULER_STEPS.scheme),
+        SETTINGS: EULER_STEPS,
+        ASSISTED: EULER_STEPS,
+    },
+    refinements=(HALF_THE_STEP,),
+    option_sets=(
+        DEFAULT_SET,
+        OptionSet("positional", "default, that pipeline", DEFAULT, {"pipeline": "positional"}),
+        OptionSet("spring", "default, that pipeline", DEFAULT, {"pipeline": "spring"}),
+        SETTINGS_SET,
+        ASSISTED_SET,
+    ),
+    tolerances=euler_tolerances(ASSISTED),
+    snippets=_snippets,
+    single_precision=lambda settings: settings["precision"] == "single",
+    title="Brax",
+    binding="the Python wheel `brax`",
+    maintainers_note=MaintainersNote(
+        chosen="`default` sets no option, by the pipeline `generalized`, to which Brax's "
+        "environments default, in JAX's single precision; `settings` has double precision, shorter "
+        "steps, a solved mass matrix and stiffer limits: {{ plain.agrees }} problems agree where "
+        "nothing is set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
+        not_possible="Brax solves no loops, tells no forces of joints and takes none on bodies; "
+        "the solver of its limits ends at a residual of fixed size, so that assisted its masses "
+        "are in a unit of the machine's size.",
+        would_change="An integrator of higher order, and a solver of limits that ends relative to "
+        "their forces.",
+    ),
+    colour="#d4267f",
+)
