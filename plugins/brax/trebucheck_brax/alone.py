@@ -100,13 +100,16 @@ def inspect(mechanism: Mechanism, states: Sequence[State], options: Any) -> Insp
     problem = Problem(mechanism, duration=options.timestep)
     plan = Plan(problem, options)
     found, to = _executed(problem, plan), plan.coordinates
+    system = found["system"]
     import jax
+    from brax.actuator import to_tau
     from brax.generalized import dynamics, pipeline
 
     @jax.jit
     def look(q: Any, qd: Any) -> tuple[Any, Any]:
-        state = pipeline.init(found["system"], q, qd)
-        return state.mass_mx, dynamics.forward(found["system"], state, found["tau"](state))
+        state = pipeline.init(system, q, qd)
+        tau = to_tau(system, found["control"](state), q, qd)
+        return state.mass_mx, dynamics.forward(system, state, tau)
 
     def seen(state: State) -> Dynamics:
         j = to.positions(state.q) - to.positions(plan.start)
