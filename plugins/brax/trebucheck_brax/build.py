@@ -13,13 +13,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from trebucheck.engines.mujoco.alone import model_text
+from trebucheck.engines.mujoco.options import MujocoOptions
 from trebucheck.engines.point_masses import spread_masses
 from trebucheck.models import elements
 from trebucheck.models.elements import FORCE_ELEMENTS, GROUND, ElementTable, WeldJoint
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.mjcf.variants import Numerics, Variant
-from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import JointLimits
@@ -29,10 +29,6 @@ OWN = {"matrix_inv_iterations": 10, "solver_maxls": 20, "joint_scale_pos": 0.5}
 OWN |= {"joint_scale_ang": 0.2, "constraint_stiffness": 2000.0}
 OWN |= {"constraint_limit_stiffness": 1000.0, "constraint_vel_damping": 0.0}
 """Options that Brax reads from `numeric` elements, with its defaults; those are not written."""
-
-_MUJOCO: dict[str, Any] = {"timestep": 2e-3, "iterations": 100}
-_MUJOCO |= {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
-"""The same of MuJoCo, which compiles the MJCF; they are not written either."""
 
 
 class Plan:
@@ -46,10 +42,8 @@ class Plan:
         self.options, self.spread = options, spread_masses(problem.mechanism, None, "brax")
         stops = {"stops": tuple(lawful_stops(problem))}
         self.mechanism = self.spread.mechanism.model_copy(update=stops)
-        self.coordinates, self.kinematics = (
-            JointCoordinates(self.mechanism),
-            Kinematics(self.mechanism),
-        )
+        self.coordinates = JointCoordinates(self.mechanism)
+        self.kinematics = Kinematics(self.mechanism)
         self.start = np.array(self.mechanism.start)
         self.places = JointLimits(self.coordinates, "brax").places
         links = self.coordinates.links
@@ -109,12 +103,17 @@ class Plan:
             for body in self.mechanism.bodies
         ]
         update = {"bodies": tuple(bodies), "force_elements": ()}
-        solref = options.solref or (8 * options.timestep, 1.0)
-        own = {"timestep": options.timestep, "iterations": options.solver_iterations}
-        own |= {"solref": solref, "solimp": options.solimp}
-        numbers = Numerics(**{name: own[name] for name in own if own[name] != _MUJOCO[name]})
-        variant = Variant(numerics=numbers, sensors=False)
-        root = ET.fromstring(mjcf(self.mechanism.model_copy(update=update), variant=variant))
+        own = MujocoOptions(
+            timestep=options.timestep,
+            integrator="Euler",
+            tolerance=1e-8,
+            margin=0.0,
+            iterations=options.solver_iterations,
+            solref=options.solref or (8 * options.timestep, 1.0),
+            solimp=options.solimp,
+        )
+        mechanism = self.mechanism.model_copy(update=update)
+        root = ET.fromstring(model_text(mechanism, own, sensors=False))
         if root.find("tendon") is not None:
             raise UnsupportedProblemError("Brax has no limits of tendons, for clamped joints.")
         next(root.iter("compiler")).set("fusestatic", "true")

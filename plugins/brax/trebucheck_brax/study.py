@@ -4,22 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from trebucheck.engines import study
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
-from trebucheck.engines.study import (
-    ASSISTED_SET,
-    DEFAULT_SET,
-    HALF_THE_STEP,
-    REFINEMENT,
-    SETTINGS_SET,
-    Cause,
-    ConstraintKinds,
-    EngineStudy,
-    Intervention,
-    MaintainersNote,
-    OptionSet,
-    StepOrder,
-    time_step_cause,
-)
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
@@ -36,9 +22,15 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    own = (Cause(name, why, Intervention(change)) for name, (why, change) in _CHANGES.items())
-    return (*own, time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}))
+def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[study.Cause, ...]:
+    own = (
+        study.Cause(name, why, study.Intervention(change))
+        for name, (why, change) in _CHANGES.items()
+    )
+    return (
+        *own,
+        study.time_step_cause({"timestep": float(settings["timestep"]) / study.REFINEMENT}),
+    )
 
 
 def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
@@ -47,27 +39,31 @@ def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, s
     return {"Brax in Python": engine.script(Problem(mechanism, duration=duration))}
 
 
-STUDY = EngineStudy(
+STUDY = study.EngineStudy(
     causes=_causes,
     step_orders={
-        DEFAULT: StepOrder(None, "first order, and limits of fixed softness", EULER_STEPS.scheme),
+        DEFAULT: study.StepOrder(
+            None, "first order, and limits of fixed softness", EULER_STEPS.scheme
+        ),
         SETTINGS: EULER_STEPS,
         ASSISTED: EULER_STEPS,
     },
-    refinements=(HALF_THE_STEP,),
+    refinements=(study.HALF_THE_STEP,),
     option_sets=(
-        DEFAULT_SET,
-        OptionSet("positional", "default, that pipeline", DEFAULT, {"pipeline": "positional"}),
-        OptionSet("spring", "default, that pipeline", DEFAULT, {"pipeline": "spring"}),
-        SETTINGS_SET,
-        ASSISTED_SET,
+        study.DEFAULT_SET,
+        study.OptionSet(
+            "positional", "default, that pipeline", DEFAULT, {"pipeline": "positional"}
+        ),
+        study.OptionSet("spring", "default, that pipeline", DEFAULT, {"pipeline": "spring"}),
+        study.SETTINGS_SET,
+        study.ASSISTED_SET,
     ),
     tolerances=euler_tolerances(ASSISTED),
     snippets=_snippets,
     single_precision=lambda settings: settings["precision"] == "single",
     title="Brax",
     binding="the Python wheel `brax`",
-    maintainers_note=MaintainersNote(
+    maintainers_note=study.MaintainersNote(
         chosen="`default` sets no option, by the pipeline `generalized`, to which Brax's "
         "environments default, in JAX's single precision; `settings` has double precision, shorter "
         "steps, a solved mass matrix and stiffer limits: {{ plain.agrees }} problems agree where "
