@@ -45,7 +45,7 @@ MACHINES: Mapping[str, Batch] = {
     "machines": Batch(("fixed", "rolling"), ("--sweep",)),
 }
 """With work and precision at several steps on the machines; of all problems it would take hours."""
-COMPILED = frozenset({"mjx"})
+COMPILED = frozenset({"brax", "mjx"})
 """Compiled anew for half a minute at each step: no work and precision of these."""
 SWEPT: Mapping[str, Batch] = {"free-swing": MACHINES["free-swing"], "fixed": Batch(("fixed",))}
 

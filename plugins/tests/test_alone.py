@@ -102,6 +102,14 @@ CASES: Mapping[str, Case] = {
         | {"solref", "solimp", "margin"},
         ("fixed", "slider-crank", "spring-pendulum"),
     ),
+    # Each run of it is compiled for some ten seconds, too.
+    "brax": Case(
+        frozenset({"timestep", "pipeline", "precision", "matrix_inv_iterations"})
+        | {"solver_iterations", "solver_maxls", "solref", "solimp", "joint_scale_pos"}
+        | {"joint_scale_ang", "constraint_stiffness", "constraint_limit_stiffness"}
+        | {"constraint_vel_damping"},
+        ("fixed", "spring-pendulum"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

@@ -69,6 +69,8 @@ OWN = (
     # Its joint sensors are wrong in motion; see its README.
     Steps("pybullet", "settings", 4e-3, limits=Limits(), forces=False),
     Steps("drake", "default", 2e-3),
+    # It tells no forces of joints; its limits begin without force, see its own tests.
+    Steps("brax", "settings", 4e-3, forces=False),
 )
 """Those of first order."""
 SINGLE = (

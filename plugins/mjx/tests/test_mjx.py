@@ -33,9 +33,9 @@ def test_single_precision_has_its_floor() -> None:
 def test_nothing_is_said_of_warp_and_what_is_printed_stays(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    from trebucheck_mjx import build
+    from trebucheck_toolkit.jax_on_cpu import without_words_on_warp
 
-    with build._without_words_on_warp():  # pyright: ignore[reportPrivateUsage]
+    with without_words_on_warp():
         print("Failed to import warp: No module named 'warp'")
         print("a user's line")
     assert capsys.readouterr().out == "a user's line\n"

@@ -2,49 +2,23 @@
 
 from __future__ import annotations
 
-import io
-import logging
-import os
-from collections.abc import Generator
-from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("JAX_PLATFORMS", "cpu")  # double precision is not to be had elsewhere
-logging.getLogger("absl").setLevel(logging.ERROR)
+from trebucheck_toolkit.jax_on_cpu import keep_compiled, without_words_on_warp  # isort: split
 
-_WITHOUT_WARP = ("Failed to import warp:", "Failed to import mujoco_warp:")
+import jax
+import mujoco
+import numpy as np
 
-
-@contextmanager
-def _without_words_on_warp() -> Generator[None, None, None]:
-    """Drop MJX's line on a missing Warp, which it does not need; other output is kept."""
-    printed = io.StringIO()
-    try:
-        with redirect_stdout(printed):
-            yield
-    finally:
-        kept = [
-            line
-            for line in printed.getvalue().splitlines(keepends=True)
-            if not line.startswith(_WITHOUT_WARP)
-        ]
-        print("".join(kept), end="")
-
-
-import jax  # noqa: E402
-import mujoco  # noqa: E402
-import numpy as np  # noqa: E402
-
-with _without_words_on_warp():
+with without_words_on_warp():
     from mujoco import mjx
-from trebucheck.models.arrays import FloatArray  # noqa: E402
-from trebucheck.models.errors import UnsupportedProblemError  # noqa: E402
-from trebucheck.models.mechanism import Mechanism  # noqa: E402
-from trebucheck.models.mjcf.writer import mjcf  # noqa: E402
-from trebucheck_toolkit.mujoco_models import CompiledModel, Seen  # noqa: E402
+from trebucheck.models.arrays import FloatArray
+from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.mjcf.writer import mjcf
+from trebucheck_toolkit.mujoco_models import CompiledModel, Seen
 
 _NOT_IN_MJX = (
     mujoco.mjtSensor.mjSENS_E_POTENTIAL,
@@ -59,17 +33,7 @@ KEPT = 2
 """Models of which what is compiled is kept: a run's, and one of its readings or of another run."""
 
 
-def _keep_compiled() -> None:
-    """Have JAX keep what it compiles in the user's cache, unless it keeps it elsewhere.
-
-    Compiling is most of a run's time; what is taken from there is the same program.
-    """
-    if jax.config.jax_compilation_cache_dir is None:
-        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        jax.config.update("jax_compilation_cache_dir", str(caches / "trebucheck" / "jax"))
-
-
-_keep_compiled()
+keep_compiled(jax)
 
 
 @dataclass(frozen=True)

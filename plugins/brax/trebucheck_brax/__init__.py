@@ -1,0 +1,1 @@
+"""Brax as an engine of trebucheck."""
