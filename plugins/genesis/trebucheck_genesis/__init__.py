@@ -1,0 +1,1 @@
+"""Genesis as an engine of trebucheck."""
