@@ -19,8 +19,6 @@ from .study import STUDY
 
 _ALONE: Mapping[str, object] = {"keep_limits": True, "fit_steps": False}
 """Options with which trebucheck takes no part in a run."""
-_RIGID = ("integrator", "constraint_timeconst", "iterations", "tolerance")
-"""Options that are Genesis's `RigidOptions`."""
 
 
 class GenesisEngine(BuiltinEngine):
@@ -56,8 +54,6 @@ class GenesisEngine(BuiltinEngine):
         "integrator": "approximate_implicitfast",
         "constraint_timeconst": 0.01,
         "solimp": None,
-        "iterations": 25,
-        "tolerance": None,
         "default_armature": 0.1,
     }
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
@@ -94,10 +90,6 @@ class GenesisEngine(BuiltinEngine):
         default=(0.9999, 0.9999, 0.001, 0.5, 2.0),
         description="impedance of limits and loops, as in MJCF; none: MuJoCo's default",
     )
-    iterations: int = Field(default=100, ge=1, le=10_000, description="of the constraint solver")
-    tolerance: Positive | None = Field(
-        default=1e-12, description="of the constraint solver; none: that of the precision"
-    )
     default_armature: float | None = Field(
         default=None,
         ge=0.0,
@@ -133,12 +125,12 @@ class GenesisEngine(BuiltinEngine):
         """Arguments that are not Genesis's defaults, as a program writes them, by where they go."""
         own = self.default_options or {}
         changed = {name: value for name, value in self.settings.items() if value != own.get(name)}
-        rigid = {name: repr(changed[name]) for name in _RIGID if name in changed}
-        if "integrator" in rigid:
-            rigid["integrator"] = f"gs.integrator.{self.integrator}"
+        rigid = [f"integrator=gs.integrator.{self.integrator}"] if "integrator" in changed else []
+        if "constraint_timeconst" in changed:
+            rigid.append(f"constraint_timeconst={self.constraint_timeconst}")
         armature = f", default_armature={self.default_armature}"
         return {
             "precision": str(changed.get("precision", "")),
-            "rigid": ", ".join(f"{name}={value}" for name, value in rigid.items()),
+            "rigid": ", ".join(rigid),
             "morph": armature if "default_armature" in changed else "",
         }
