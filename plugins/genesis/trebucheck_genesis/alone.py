@@ -16,7 +16,6 @@ from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import PointMotion
-from trebucheck_toolkit.event_driver import Observation
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import TreeMotion
 
@@ -36,15 +35,13 @@ def run(problem: Problem, options: GenesisEngine) -> Recording:
     exec(model.program(options), found)
     with timed_reading():
         mechanism, t, q = problem.mechanism, found["t"], found["q"]
-        seen, torques = np.array(found["looks"])[: len(t)], dict[str, FloatArray]()
-        for stop in mechanism.stops:
-            torques[stop.name] = np.zeros(len(t))
-            if stop.name in model.stops:  # the others are none under a release-once law
-                limit = model.stops[stop.name]
-                of_joint = limit.sense * np.array(found["torques"])[:, limit.index]
-                torques[stop.name] = np.maximum(0.0, of_joint)
+        seen, torques = np.array(found["looks"])[: len(t)], np.array(found["torques"]).T
+        of_stops = dict(zip(model.stops, torques, strict=True))
+        of_stops |= {  # the others are none under a release-once law
+            stop.name: np.zeros(len(t)) for stop in mechanism.stops if stop.name not in of_stops
+        }
         events = ContactEvents(mechanism, "genesis")
-        note_own_releases(events, t, torques)
+        note_own_releases(events, t, of_stops)
         of_given = AppliedForces(Kinematics(model.pushed)).potential_energy(q)
         return Recording(
             t=t,
@@ -56,7 +53,7 @@ def run(problem: Problem, options: GenesisEngine) -> Recording:
             },
             kinetic_energy=seen[:, 0].real,
             potential_energy=seen[:, 1].real + of_given,
-            stop_torques=torques,
+            stop_torques=of_stops,
             release_times=events.releases,
             steps=len(t) - 1,
         )
@@ -96,10 +93,6 @@ class Tree:
         mass = self.mass_matrix(j)
         self._step_from(j, v)
         return -mass @ self._told("dofs_acc")[self.found["DOFS"]]
-
-    def observe(self, j: FloatArray, v: FloatArray, a: FloatArray) -> Observation:
-        """Refuse: nothing but dynamics is read of it."""
-        raise NotImplementedError
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
         """Centre of mass of each body in the world [m]."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.study import filled_template
 from trebucheck.models.elements import GROUND, JOINTS, ElementTable, PinJoint, SlotJoint
 from trebucheck.models.errors import UnsupportedProblemError
@@ -20,7 +21,6 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.given_forces import program, springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
 from trebucheck_toolkit.joint_tree import JointLimits
-from trebucheck_toolkit.node_samples import sample_times
 from trebucheck_toolkit.node_scene import lawful_stops
 
 if TYPE_CHECKING:
@@ -145,8 +145,6 @@ class Model:
 
     def program(self, options: GenesisEngine) -> str:
         """The run as a program with nothing but Genesis and NumPy."""
-        times = sample_times(self.problem.duration, options.timestep, fit=options.fit_steps)
-        limits = [(limit.index, limit.sense) for limit in self.stops.values()]
         once = self.problem.stop_law is StopLaw.RELEASE_ONCE
         definitions, forces = program(self.pushed)
         return filled_template(
@@ -154,15 +152,16 @@ class Model:
             "alone.py.j2",
             mjcf=filled_template(__name__, "model.xml.j2", model=self, solimp=options.solimp),
             model=self,
-            timestep=float(times[1]) if options.fit_steps else options.timestep,
-            steps=len(times) - 1,
-            own=options.changed(),
+            options=options,
+            own=options.default_options,
+            gravity=(self.mechanism.gravity_vector[0], 0.0, self.mechanism.gravity_vector[1]),
+            steps=whole_steps(self.problem.duration, options.timestep),
             markers=[
                 (each.body, complex(*each.point) - self.links[each.body].origin)
                 for each in self.mechanism.markers
             ],
-            limits=limits,
-            drops=bool(limits) and once and not options.keep_limits,
+            limits=[(limit.index, limit.sense) for limit in self.stops.values()],
+            drops=once and not options.keep_limits,
             definitions=definitions,
             forces=forces,
         )

@@ -17,9 +17,6 @@ from trebucheck.models.spec import Positive
 
 from .study import STUDY
 
-_ALONE: Mapping[str, object] = {"keep_limits": True, "fit_steps": False}
-"""Options with which trebucheck takes no part in a run."""
-
 
 class GenesisEngine(BuiltinEngine):
     """Genesis's `scene.step()` on an MJCF model; the defaults are the assisted preset.
@@ -48,7 +45,7 @@ class GenesisEngine(BuiltinEngine):
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {
-        **_ALONE,
+        "keep_limits": True,
         "timestep": 1e-2,
         "precision": "32",
         "integrator": "approximate_implicitfast",
@@ -56,7 +53,7 @@ class GenesisEngine(BuiltinEngine):
         "solimp": None,
         "default_armature": 0.1,
     }
-    settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
+    settings_options: ClassVar[Mapping[str, object] | None] = {"keep_limits": True}
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.EVENTS,
@@ -64,12 +61,6 @@ class GenesisEngine(BuiltinEngine):
             "keep_limits",
             off=True,
             acts_on=lambda mechanism: bool(mechanism.stops),
-        ),
-        Assistance(
-            Part.SUBSTEPS,
-            "shortens the steps, so that a whole number of them fits",
-            "fit_steps",
-            off=False,
         ),
     )
     readings: ClassVar[Supplied] = {
@@ -99,10 +90,6 @@ class GenesisEngine(BuiltinEngine):
         default=False,
         description="keep the limit of every stop for the whole run, whatever the law",
     )
-    fit_steps: bool = Field(
-        default=True,
-        description="shorten the steps, so that a whole number of them makes the duration",
-    )
 
     def _run(self, problem: Problem) -> Recording:
         from .alone import run
@@ -120,17 +107,3 @@ class GenesisEngine(BuiltinEngine):
         from .alone import Tree
 
         return Tree(mechanism, self).inspection(states, self.precision)
-
-    def changed(self) -> dict[str, str]:
-        """Arguments that are not Genesis's defaults, as a program writes them, by where they go."""
-        own = self.default_options or {}
-        changed = {name: value for name, value in self.settings.items() if value != own.get(name)}
-        rigid = [f"integrator=gs.integrator.{self.integrator}"] if "integrator" in changed else []
-        if "constraint_timeconst" in changed:
-            rigid.append(f"constraint_timeconst={self.constraint_timeconst}")
-        armature = f", default_armature={self.default_armature}"
-        return {
-            "precision": str(changed.get("precision", "")),
-            "rigid": ", ".join(rigid),
-            "morph": armature if "default_armature" in changed else "",
-        }

@@ -6,16 +6,12 @@ from typing import Any
 
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
-    ASSISTED_SET,
-    DEFAULT_SET,
     REFINEMENT,
-    SETTINGS_SET,
     Cause,
     ConstraintKinds,
     EngineStudy,
     Intervention,
     MaintainersNote,
-    OptionSet,
     StepOrder,
     time_step_cause,
 )
@@ -59,17 +55,6 @@ STUDY = EngineStudy(
         SETTINGS: EULER_STEPS,
         ASSISTED: EULER_STEPS,
     },
-    option_sets=(
-        DEFAULT_SET,
-        OptionSet(
-            "without armature",
-            "default, with no rotor inertia added",
-            DEFAULT,
-            {"default_armature": None},
-        ),
-        SETTINGS_SET,
-        ASSISTED_SET,
-    ),
     tolerances=(*euler_tolerances(SETTINGS), *euler_tolerances(ASSISTED)),
     single_precision=lambda settings: settings["precision"] == "32",
     snippets=_snippets,
