@@ -110,6 +110,12 @@ CASES: Mapping[str, Case] = {
         | {"constraint_vel_damping"},
         ("fixed", "spring-pendulum"),
     ),
+    # Each run of it compiles, or reads what it has compiled, for some ten seconds.
+    "genesis": Case(
+        frozenset({"timestep", "precision", "integrator", "constraint_timeconst", "solimp"})
+        | {"default_armature"},
+        ("fixed", "slider-crank", "spring-pendulum"),
+    ),
     "rapier": Case(
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),

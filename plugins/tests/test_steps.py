@@ -118,6 +118,19 @@ IMPULSES = (
     Steps("matter", "settings", 2e-3, forces=False),
 )
 """Those of first order by impulses in double precision."""
+# Its limits are critically damped springs with a time constant of two steps, which hold from the
+# second step on: a release and a torque may be late by some steps more. It tells no joint forces.
+# Positions: up to 100 m/s times a step.
+SOFT = (
+    Steps(
+        "genesis",
+        "settings",
+        4e-3,
+        limits=Limits(release=1e-2, torque=None, position=1e-1),
+        forces=False,
+    ),
+)
+"""Those of first order whose limits are soft."""
 LOOP_OF_ITS_EXAMPLES = Steps(
     "pinocchio",
     "assisted",
@@ -144,7 +157,9 @@ def _errors(found: tb.Trajectory, problem: tb.Problem) -> tuple[float, float]:
     return float(max(points)), float(max(forces, default=0.0))
 
 
-@pytest.mark.parametrize("steps", [*OWN, *SINGLE, *IMPULSES, *MOVED, LOOP_OF_ITS_EXAMPLES], ids=str)
+@pytest.mark.parametrize(
+    "steps", [*OWN, *SINGLE, *IMPULSES, *SOFT, *MOVED, LOOP_OF_ITS_EXAMPLES], ids=str
+)
 def test_the_order_is_the_one_that_is_claimed(steps: Steps) -> None:
     coarse, fine = (
         _errors(steps.run(FREE_SWING, h), FREE_SWING) for h in (steps.step, steps.step / 2)
@@ -162,7 +177,7 @@ def test_the_free_swing_is_within_its_bar(steps: Steps) -> None:
     assert _errors(steps.run(FREE_SWING, 1e-3), FREE_SWING)[0] < FREE_SWING_BAR
 
 
-@pytest.mark.parametrize("steps", [*OWN, *IMPULSES, LOOP_OF_ITS_EXAMPLES], ids=str)
+@pytest.mark.parametrize("steps", [*OWN, *IMPULSES, *SOFT, LOOP_OF_ITS_EXAMPLES], ids=str)
 def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
     """By Richardson's extrapolation of steps h, h / 2 and h / 4 at the end, of the first order."""
     (q0, q1, q2) = (steps.run(FREE_SWING, h).q[-1] for h in (1e-3, 5e-4, 2.5e-4))
@@ -174,7 +189,9 @@ def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
 
 @pytest.mark.parametrize("model", ["fixed", "rolling"])
 @pytest.mark.parametrize(
-    "steps", [each for each in (*OWN, *SINGLE, *IMPULSES) if each.limits is not None], ids=str
+    "steps",
+    [each for each in (*OWN, *SINGLE, *IMPULSES, *SOFT) if each.limits is not None],
+    ids=str,
 )
 def test_its_own_limits_hold(steps: Steps, model: str) -> None:
     problem, h, limits = tb.Problem(tb.model(model), duration=1.4), 1e-3, steps.limits or Limits()

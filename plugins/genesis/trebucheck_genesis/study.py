@@ -1,0 +1,75 @@
+"""Genesis's entries for studies: tolerances, orders and causes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
+from trebucheck.engines.study import (
+    REFINEMENT,
+    Cause,
+    ConstraintKinds,
+    EngineStudy,
+    Intervention,
+    MaintainersNote,
+    StepOrder,
+    time_step_cause,
+)
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.problem import Problem
+from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
+
+
+def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
+    soft = Cause(
+        "constraint softness",
+        "limits and loops are softer than the step can bear",
+        Intervention({"constraint_timeconst": None, "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0]}),
+    )
+    return (
+        Cause(
+            "armature",
+            "every joint has a rotor inertia that the mechanism has not",
+            Intervention({"default_armature": None}),
+        ),
+        Cause("precision", "numbers of 24 bits", Intervention({"precision": "64"})),
+        *((soft,) if constraints.angles or constraints.points else ()),
+        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
+    )
+
+
+def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
+    if engine.assisted_by:
+        return {}
+    return {"Genesis in Python": engine.script(Problem(mechanism, duration=duration))}
+
+
+STUDY = EngineStudy(
+    causes=_causes,
+    step_orders={
+        DEFAULT: StepOrder(
+            None,
+            "of first order, but the rotor inertia of each joint does not fall with the step",
+            EULER_STEPS.scheme,
+        ),
+        SETTINGS: EULER_STEPS,
+        ASSISTED: EULER_STEPS,
+    },
+    tolerances=(*euler_tolerances(SETTINGS), *euler_tolerances(ASSISTED)),
+    single_precision=lambda settings: settings["precision"] == "32",
+    snippets=_snippets,
+    title="Genesis",
+    binding="the Python wheel `genesis-world`, on the processor",
+    maintainers_note=MaintainersNote(
+        chosen="Its defaults are those of its options: single precision, steps of 10 ms, a rotor "
+        "inertia of 0.1 kg m^2 on every joint of a file: {{ plain.agrees }} problems agree. "
+        "Double precision, no rotor inertia, steps of 1 ms and the shortest time constant of "
+        "constraints are what its options reach: {{ alone.agrees }}.",
+        not_possible="Genesis tells no force of a joint, reads no tendons, and its integrators are "
+        "all of first order; our adapter builds no stops on points and no restitution.",
+        would_change="Forces of joints and of equalities in its interface; an integrator of higher "
+        "order; a limit that pushes from the first step, where the gap is zero; no rotor inertia "
+        "where a file has none.",
+    ),
+    colour="#5b2a86",
+)
