@@ -5,7 +5,7 @@ subclass of :class:`NodeEngine`; `trebucheck plugin new --node` writes the three
 :mod:`.node_program` for the functions of a template. What :class:`NodeEngine` gives it besides:
 
 - `options`: the engine with its options, as fields;
-- `scene`, `names`: bodies as :class:`.NodeScene` has them, and their names;
+- `problem`; `scene`, `names`: bodies as :class:`.NodeScene` has them, and their names;
 - `joints`: as the scene has them, with the names of their bodies as `a` and `b`, and `limits`, the
   least and greatest angle of `b` less that of `a` [rad], each a number or None, or None of joints
   without limits;

@@ -66,11 +66,13 @@ def node_program(
         timestep: [s].
         binary: write arrays as bytes, not as JSON: long runs have millions of numbers.
         tells: write what the engine's part returns of `built()`, too, and take no step.
-        values: of the engine's part, which has `names` of the bodies and `text` besides.
+        values: of the engine's part, which has `scene`, `problem`, `names` of the bodies and `text`
+            besides.
     """
     mechanism = scene.mechanism
     names = [*(body.name for body in mechanism.bodies), *scene.others]
-    engine = filled_template(module, "alone.mjs.j2", scene=scene, names=names, text=_text, **values)
+    known = {"scene": scene, "problem": problem, "names": names, "text": _text}
+    engine = filled_template(module, "alone.mjs.j2", **known, **values)
     return filled_template(
         __name__,
         "program.mjs.j2",
