@@ -52,6 +52,11 @@ CASES: Mapping[str, Case] = {
         | {"linear_slop", "angular_slop", "allow_sleep"},
         ("fixed", "slider-crank", "spring-pendulum", "bead"),
     ),
+    "cannon": Case(
+        frozenset({"timestep", "iterations", "tolerance", "stiffness", "relaxation"})
+        | {"equation_step", "damping", "plane"},
+        ("fixed", "n-four-bar", "welded-rods", "spring-pendulum", "motor"),
+    ),
     "opensim": Case(
         frozenset({"timestep", "integrator", "accuracy", "samples"})
         | {"limit_stiffness", "limit_damping", "limit_transition"},
@@ -80,6 +85,9 @@ CASES: Mapping[str, Case] = {
 
 def _run(name: str, program: str) -> dict[str, Any]:
     """Run a program: the names of its module in Python, or what it prints in Node.js."""
+    npm = getattr(type(tb.engine(name)), "npm", None)
+    if npm is not None:
+        return {k: np.array(v) for k, v in npm.run(program).items()}
     if name == "planck":
         from trebucheck_planck.bridge import PLANCK
 

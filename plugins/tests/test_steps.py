@@ -92,6 +92,8 @@ SINGLE = (
 IMPULSES = (
     # Positions: up to 100 m/s times a step.
     Steps("planck", "assisted", 4e-3, limits=Limits(position=1e-1)),
+    # A step begins without impulses of the one before: its last iterations leave a hundredth.
+    Steps("cannon", "assisted", 4e-3, limits=Limits(position=1e-1)),
     # The forces of its first step, which begins without impulses of one before, are not there after
     # 8 iterations.
     Steps("planck", "default", 4e-3, forces=False),

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
+from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance, Part
@@ -49,7 +50,7 @@ class CannonEngine(NodeEngine):
 
     timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
     iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(
-        default=1000, description="of the solver in each step, at most"
+        default=2000, description="of the solver in each step, at most"
     )
     tolerance: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         default=1e-12,
@@ -59,7 +60,7 @@ class CannonEngine(NodeEngine):
         default=1e14, le=1e30, description="of every constraint [N/m, N m/rad]"
     )
     relaxation: Positive = Field(
-        default=4.0, le=1e6, description="steps in which an error of a constraint is taken back"
+        default=1.0, le=1e6, description="steps in which an error of a constraint is taken back"
     )
     equation_step: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         default=0.0, description="step for which constraints are set [s]; 0: the step that is taken"
@@ -71,6 +72,7 @@ class CannonEngine(NodeEngine):
         default=True, description="let bodies move in the plane only; else joints hold them there"
     )
 
+    least_inertia: LeastInertia = 3e-2  # with less the solver takes several times the iterations
     let_go: bool = Field(
         default=True, description="take a stop out once it is open, where the law is release-once"
     )
