@@ -62,6 +62,11 @@ CASES: Mapping[str, Case] = {
         | {"gyroscopic_force", "allow_sleep", "plane"},
         ("fixed", "slider-crank", "welded-rods", "spring-pendulum", "bead"),
     ),
+    "cannon": Case(
+        frozenset({"timestep", "iterations", "tolerance", "stiffness", "relaxation"})
+        | {"equation_step", "damping", "plane"},
+        ("fixed", "n-four-bar", "welded-rods", "spring-pendulum", "motor"),
+    ),
     "opensim": Case(
         frozenset({"timestep", "integrator", "accuracy", "samples"})
         | {"limit_stiffness", "limit_damping", "limit_transition"},

@@ -121,7 +121,7 @@ class NodePackage:
                 with suppress(OSError), process.stdin as given:  # it may end without reading
                     given.write(text.encode())
                 found = (read or _arrays)(process.stdout)
-                if found is None:
+                if found is None:  # it ended before, or wrote something else
                     process.wait()
                     complaints.seek(0)
                     raise self._failure(complaints.read())
@@ -137,9 +137,12 @@ class NodePackage:
 
 
 def _printed(stream: IO[bytes]) -> dict[str, Any] | None:
-    """A line of JSON; None where it ends before."""
+    """A line of JSON; None where it ends before, or has another line, as of an abort."""
     line = stream.readline()
-    return json.loads(line) if line.endswith(b"\n") else None
+    try:
+        return json.loads(line) if line.endswith(b"\n") else None
+    except json.JSONDecodeError:
+        return None
 
 
 def _arrays(stream: IO[bytes]) -> dict[str, FloatArray] | None:

@@ -1,0 +1,1 @@
+"""cannon-es as an engine of trebucheck."""
