@@ -146,9 +146,10 @@ def test_a_rod_on_two_stops_stays_between_them() -> None:
     assert 0.5 - 2.0 * step < found.q.max() < 0.5 + 2.0 * step
     torque = found.stop_torques["end"]
     # What the stop has taken is what the rod's angular momentum has lost; what a step has let
-    # through is pushed back.
-    momentum = MASS * LENGTH**2 / 3 * (2.0 - found.u[-1, 0])
-    assert torque.min() >= 0.0 and torque[:-1].sum() * step == pytest.approx(momentum, rel=1e-6)
+    # through is pushed back. The gap of the pin is a lever that this leaves out.
+    momentum, gap = MASS * LENGTH**2 / 3 * (2.0 - found.u[-1, 0]), found.joint_gaps["pin"].max()
+    assert gap < 1e-5 * LENGTH
+    assert torque.min() >= 0.0 and torque[:-1].sum() * step == pytest.approx(momentum, rel=1e-5)
 
 
 def test_the_other_edge_of_a_stops_cone_is_three_quarters_of_a_turn_on() -> None:
