@@ -34,7 +34,7 @@ class Limits:
     position: float = np.inf
     """Of a marker [m]."""
     slots: bool = True
-    """Whether the engine has the rolling machine's slot; without it the fixed one is tried alone."""
+    """Whether the engine has the slot of the rolling machine, which is skipped else."""
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,9 @@ IMPULSES = (
     # The forces of its first step, which begins without impulses of one before, are not there after
     # 8 iterations.
     Steps("planck", "default", 4e-3, forces=False),
-    # Releases: a limit acts in the steps that begin beyond it, and gives way by what its softness
-    # is. Positions: up to 100 m/s times a step.
-    Steps("p2", "assisted", 4e-3, limits=Limits(position=1e-1)),
+    # A limit acts in the steps that begin beyond it: its first one has no torque, the second twice.
+    # Positions: up to 100 m/s times a step.
+    Steps("p2", "assisted", 4e-3, limits=Limits(position=1e-1, torque=None)),
     # It tells no forces; its pins hold bodies of little inertia at steps below 4e-3 s.
     Steps("matter", "assisted", 2e-3, forces=False),
     Steps("matter", "settings", 2e-3, forces=False),

@@ -19,6 +19,7 @@ from trebucheck.engines.study import EngineStudy
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
 from trebucheck_toolkit.node_scene import NodeScene
@@ -73,6 +74,7 @@ class P2Engine(NodeEngine):
     package: ClassVar[str] = "trebucheck-p2"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
+    slop: ClassVar[float] = OPENING  # a limit acts in the steps that begin beyond it
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=True,
