@@ -301,8 +301,9 @@ class CompiledModel(ABC):
     def observe(self, seen: Seen, q: FloatArray, u: FloatArray) -> Observation:
         """Readings of the model; reactions without what acts on the bodies beyond their joints."""
         _, v = self.joint_state(q, u)
-        kinetic = 0.5 * v @ seen.mass @ v
-        potential = -np.sum(self.model.body_mass[:, None] * self.model.opt.gravity * seen.centres)
+        kinetic = float(0.5 * v @ seen.mass @ v)
+        weights = self.model.body_mass[:, None] * self.model.opt.gravity
+        potential = -float(np.sum(weights * seen.centres))
         return Observation(
             points={
                 m.name: (
@@ -452,7 +453,9 @@ def causes_by(
         finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / REFINEMENT}
         if settings["limits"] == "multipliers":
             return with_readout(time_step_cause(finer))
-        stiffest = [*scaled_solref(float(settings["timestep"]), settings["integrator"])]
+        stiffest: list[JsonValue] = [
+            *scaled_solref(float(settings["timestep"]), settings["integrator"])
+        ]
         if settings["solref"] is None:  # it would follow the step
             finer["solref"] = stiffest
         constrained = (
