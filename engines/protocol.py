@@ -218,7 +218,7 @@ class BuiltinEngine(EngineOptions, ABC):
     readings: ClassVar[Supplied] = NOTHING
     """Quantities that the adapter computes from the engine's motion, with every option."""
     tables: ClassVar[EngineStudy] = EngineStudy()
-    """What studies know of it; the default is what they know of any engine."""
+    """Entries for studies; the default is those of any engine."""
 
     @classmethod
     def presets(cls) -> dict[str, Callable[..., Self]]:

@@ -279,7 +279,7 @@ class MaintainersNote:
     chosen: str
     """Which options were set, and why."""
     not_possible: str
-    """What could not be built, set or read."""
+    """Features that could not be built, set or read."""
     would_change: str
     """What of the engine, its binding or the adapter would change the results."""
 
@@ -382,7 +382,7 @@ class ModelCause:
 
     name: str
     change: str
-    """What is changed, in a few words."""
+    """Change, in a few words."""
     without: Callable[[ModelOptions], ModelOptions]
 
     @classmethod

@@ -72,7 +72,7 @@ class Assistance:
 
     part: Part
     does: str
-    """What trebucheck does, as a verb with its object."""
+    """Action of trebucheck, as a verb with its object."""
     option: str
     """Name of the option that asks for it."""
     off: JsonValue

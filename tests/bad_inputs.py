@@ -222,7 +222,7 @@ _BY_NAME: Mapping[str, Values] = {
 # Parameters that switch something: they have no values
 _SWITCHES = """
 sweep diagnose resume quiet json best sensitivities reference check keyframes sensors
-finite_inertia scene
+finite_inertia scene node
 """
 _NO_VALUES = frozenset(_SWITCHES.split())
 

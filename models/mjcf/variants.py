@@ -54,7 +54,7 @@ class Numerics:
     tolerance: float | None = None
     iterations: int | None = None
     solref: tuple[float, float] | None = None
-    """Of limits, as MuJoCo reads them: time constant [s] and ratio, or both negative."""
+    """Softness of limits, as MuJoCo reads it: time constant [s] and ratio, or both negative."""
     solref_of_points: tuple[float, float] | None = None
     """Of contacts and equalities."""
     solimp: tuple[float, ...] | None = None

@@ -136,7 +136,7 @@ def test_quiet_has_no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
             {"mujoco,reference", "mujoco,pymunk", "mujoco,exudyn"},
         ),
         ("trebucheck compare --models sque", {"squeezer"}),
-        ("trebucheck run --preset ", {"default", "settings", "assisted"}),
+        ("trebucheck run --preset ", {"default", "settings", "assisted", "given"}),
         ("trebucheck run --option mujoco.solr", {"mujoco.solref="}),
         ("trebucheck engines py", {"pymunk"}),
         ("trebucheck models show roll", {"rolling"}),

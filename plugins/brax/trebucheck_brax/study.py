@@ -6,6 +6,7 @@ from typing import Any
 
 from trebucheck.engines import study
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
+from trebucheck.engines.study import MaintainersNote
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
@@ -63,7 +64,7 @@ STUDY = study.EngineStudy(
     single_precision=lambda settings: settings["precision"] == "single",
     title="Brax",
     binding="the Python wheel `brax`",
-    maintainers_note=study.MaintainersNote(
+    maintainers_note=MaintainersNote(
         chosen="`default` sets no option, by the pipeline `generalized`, to which Brax's "
         "environments default, in JAX's single precision; `settings` has double precision, shorter "
         "steps, a solved mass matrix and stiffer limits: {{ plain.agrees }} problems agree where "

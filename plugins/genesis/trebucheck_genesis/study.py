@@ -61,9 +61,9 @@ STUDY = EngineStudy(
     title="Genesis",
     binding="the Python wheel `genesis-world`, on the processor",
     maintainers_note=MaintainersNote(
-        chosen="Its defaults are those of its options: single precision, steps of 10 ms, a rotor "
-        "inertia of 0.1 kg m^2 on every joint of a file: {{ plain.agrees }} problems agree. "
-        "Double precision, no rotor inertia, steps of 1 ms and the shortest time constant of "
+        chosen="Its defaults are those of its options: single precision, long steps, a rotor "
+        "inertia on every joint of a file that has none: {{ plain.agrees }} problems agree. "
+        "Double precision, no rotor inertia, short steps and the shortest time constant of "
         "constraints are what its options reach: {{ alone.agrees }}.",
         not_possible="Genesis tells no force of a joint, reads no tendons, and its integrators are "
         "all of first order; our adapter builds no stops on points and no restitution.",

@@ -76,13 +76,13 @@ STUDY = EngineStudy(
     binding="the npm package `@babylonjs/havok`, moved by Node.js, in single precision",
     maintainers_note=MaintainersNote(
         chosen="`default` is a world that sets nothing, at the step of Babylon.js: bodies lose a "
-        "tenth of their angular speed in a second and are braked below 0.1 m/s; `settings` has no "
+        "tenth of their angular speed in a second and slow ones are braked; `settings` has no "
         "damping and no brake, four substeps in shorter steps, and pins that leave the axes out of "
         "the plane free: {{ plain.agrees }} problems agree where nothing is set, "
         "{{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
         not_possible="Havok keeps the inverses of masses and inertias in eight bits, so that they "
-        "are up to 0.4 % from those given, which nothing sets; our adapter builds no stops on "
-        "points and no restitution, and gives springs as impulses.",
+        "are rounded to one part in some hundreds, which nothing sets; our adapter "
+        "builds no stops on points and no restitution, and gives springs as impulses.",
         would_change="Inverse masses in single precision: what is left of the free swing at short "
         "steps is their rounding.",
     ),

@@ -79,8 +79,8 @@ STUDY = EngineStudy(
         not_possible="The package has no build in double precision; a hinge knows its angle within "
         "half a turn, and a limit on one side is a limit half a turn on as well; our adapter "
         "builds no stops on points and no restitution, and gives springs as forces.",
-        would_change="A build in double precision, in which a body turns by less than 1e-6 rad in "
-        "a step, too: at short steps rounding is what is left.",
+        would_change="A build in double precision, in which a body turns by a millionth of a "
+        "radian in a step, too: at short steps rounding is what is left.",
     ),
     colour="#8b1a62",
 )

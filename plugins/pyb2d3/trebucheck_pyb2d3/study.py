@@ -55,10 +55,10 @@ STUDY = EngineStudy(
     binding="the Python wheel `pyb2d3` of Box2D 3.1.1, in single precision",
     maintainers_note=MaintainersNote(
         chosen="`step` has no defaults, so step and sub-steps of `default` are those of Box2D's "
-        "Hello; `settings` has steps of 1 ms and no sleep: {{ plain.agrees }} problems agree where "
+        "Hello; `settings` has shorter steps and no sleep: {{ plain.agrees }} problems agree where "
         "nothing is set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
-        not_possible="pyb2d3 does not reach the stiffness of joints, 60 Hz, which leaves gaps that "
-        "no step closes; limits have no restitution; springs have a frequency and no stiffness, so "
+        not_possible="pyb2d3 does not reach the stiffness of joints, a frequency, which leaves "
+        "gaps that no step closes; limits have no restitution; springs have a frequency and no stiffness, so "
         "that the adapter gives springs as forces before each step; a stop on a point would be a "
         "shape with a contact, which our adapter does not build.",
         would_change="`b2Joint_SetConstraintTuning` in the binding, which Box2D has, and a build "

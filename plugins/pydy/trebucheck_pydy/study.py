@@ -64,7 +64,8 @@ STUDY = EngineStudy(
     binding="the Python distributions `pydy` and `sympy`",
     maintainers_note=MaintainersNote(
         chosen="`default` is `System.integrate()` without arguments: SciPy's odeint at its "
-        "tolerances of 1.5e-8; `settings` hands the same equations to DOP853 at 1e-13.",
+        "own tolerances; `settings` hands the same equations to a method of high "
+        "order, near machine precision: {{ plain.agrees }} problems agree where nothing is set, {{ alone.agrees }} with that.",
         not_possible="SymPy's mechanics has no unilateral constraints, so that neither preset has "
         "stops; loops are closed by dependent speeds, which are chosen once, and have no value in "
         "positions where that choice is singular.",
