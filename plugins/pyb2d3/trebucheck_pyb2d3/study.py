@@ -58,9 +58,9 @@ STUDY = EngineStudy(
         "Hello; `settings` has shorter steps and no sleep: {{ plain.agrees }} problems agree where "
         "nothing is set, {{ alone.agrees }} with that, {{ best.agrees }} with assistance.",
         not_possible="pyb2d3 does not reach the stiffness of joints, a frequency, which leaves "
-        "gaps that no step closes; limits have no restitution; springs have a frequency and no stiffness, so "
-        "that the adapter gives springs as forces before each step; a stop on a point would be a "
-        "shape with a contact, which our adapter does not build.",
+        "gaps that no step closes; limits have no restitution; springs have a frequency and no "
+        "stiffness, so that the adapter gives springs as forces before each step; a stop on a "
+        "point would be a shape with a contact, which our adapter does not build.",
         would_change="`b2Joint_SetConstraintTuning` in the binding, which Box2D has, and a build "
         "in double precision.",
     ),

@@ -65,7 +65,8 @@ STUDY = EngineStudy(
     maintainers_note=MaintainersNote(
         chosen="`default` is `System.integrate()` without arguments: SciPy's odeint at its "
         "own tolerances; `settings` hands the same equations to a method of high "
-        "order, near machine precision: {{ plain.agrees }} problems agree where nothing is set, {{ alone.agrees }} with that.",
+        "order, near machine precision: {{ plain.agrees }} problems agree "
+        "where nothing is set, {{ alone.agrees }} with that.",
         not_possible="SymPy's mechanics has no unilateral constraints, so that neither preset has "
         "stops; loops are closed by dependent speeds, which are chosen once, and have no value in "
         "positions where that choice is singular.",
