@@ -50,6 +50,10 @@ COMPILED = frozenset({"brax", "mjx"})
 SWEPT: Mapping[str, Batch] = {"free-swing": MACHINES["free-swing"], "fixed": Batch(("fixed",))}
 
 
+PROGRAMS = (".cjs", ".mjs", ".j2")
+"""Suffixes of programs for Node.js, and of templates of programs."""
+
+
 @dataclass
 class Plugin:
     """One plug-in with its environment."""
@@ -238,16 +242,16 @@ def files(folder: Path) -> list[Path]:
     return sorted(
         path
         for path in folder.rglob("*")
-        if path.suffix in (".py", ".cjs", ".toml", ".txt", ".json")
+        if path.suffix in (".py", ".toml", ".txt", ".json", *PROGRAMS)
     )
 
 
 def core_files(source: Path) -> Iterator[Path]:
     """Files of trebucheck that the results depend on."""
     for folder in ("models", "reference", "engines", "comparisons", "conformance"):
-        yield from (path for path in files(source / folder) if path.suffix in (".py", ".cjs"))
+        yield from (path for path in files(source / folder) if path.suffix in (".py", *PROGRAMS))
     toolkit = source / "plugins" / "toolkit" / "trebucheck_toolkit"
-    yield from (path for path in files(toolkit) if path.suffix in (".py", ".cjs"))
+    yield from (path for path in files(toolkit) if path.suffix in (".py", *PROGRAMS))
     yield source / "constraints.txt"
 
 
