@@ -14,8 +14,7 @@ from typing import NamedTuple, Self
 
 from ...models.errors import InputError
 from ...models.mechanism import Mechanism
-from .scales import Scales
-from .stretching import LIMIT
+from .scales import LIMIT, Scales
 
 
 class Kind(StrEnum):

@@ -31,6 +31,10 @@ from ...models.trajectory import Trajectory
 if TYPE_CHECKING:  # it imports SciPy's integrators, which processes that throw machines do without
     from ...reference.solution import Solution
 
+# Growth of small errors beyond which nothing is judged but invariants and when motions first part.
+# A hundred-thousandth of a body's inertia, less than any is known to, then moves something by the
+# default tolerance.
+LIMIT = 100.0
 _SAMPLES = 801
 _LONGEST = 10.0  # characteristic time in parts of the end, for motions that hardly move
 _LEAST = 1e-6  # speed and force in parts of those that gravity gives: a swing of 0.001 degrees

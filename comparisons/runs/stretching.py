@@ -43,15 +43,11 @@ from ...reference.equations import Equations, consistent_coordinates, consistent
 from ...reference.solution import Solution
 from ...reference.solver import TOLERANCE, solve
 from .results import Metric
-from .scales import Scales, away_from_poles, extent, scales_until
+from .scales import LIMIT, Scales, away_from_poles, extent, scales_until
 
 # Part of a scale by which motions differ that have parted: the default tolerance. It is three
 # digits, as fine as a plot shows and finer than most machines' masses are known.
 PARTED = 1e-3
-# Growth beyond which nothing is judged but invariants and the time of first parting. A
-# hundred-thousandth of a body's inertia, less than any is known to, then moves something by the
-# default tolerance.
-LIMIT = 100.0
 START_LIMIT = 1000.0  # for errors of the start, which engines take over exactly
 REGULAR = 2.5  # growth in a characteristic time: a pendulum has 0.5 (a point mass) to 1.5 (a rod)
 _CHANGE = 1e-6  # of a body's inertia, in m l^2; of an angle, a slide or a speed, in its scale

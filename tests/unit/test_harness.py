@@ -23,8 +23,9 @@ from trebucheck.comparisons.report.pages.compare import document
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.process import Worker, simulate_warm
 from trebucheck.comparisons.runs.results import Metric, Outcome, Results, Run
+from trebucheck.comparisons.runs.scales import LIMIT
 from trebucheck.comparisons.runs.store import Store
-from trebucheck.comparisons.runs.stretching import LIMIT, stretching_at
+from trebucheck.comparisons.runs.stretching import stretching_at
 from trebucheck.comparisons.runs.study import Study
 from trebucheck.comparisons.runs.tolerances import judge
 from trebucheck.engines.reference.engine import ReferenceEngine

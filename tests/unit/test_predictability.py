@@ -17,9 +17,8 @@ from trebucheck.comparisons.runs import stretching as stretchings
 from trebucheck.comparisons.runs.metrics import measure
 from trebucheck.comparisons.runs.quantities import QUANTITIES
 from trebucheck.comparisons.runs.results import Metric
-from trebucheck.comparisons.runs.scales import scales_until
+from trebucheck.comparisons.runs.scales import LIMIT, scales_until
 from trebucheck.comparisons.runs.stretching import (
-    LIMIT,
     PARTED,
     START_LIMIT,
     Stretching,
