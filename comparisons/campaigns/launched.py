@@ -18,12 +18,18 @@ from ...models.arrays import FloatArray, IndexArray
 from ...models.errors import InputError, SimulationError, UnsupportedProblemError
 from ...models.library.registry import Model, model, varied
 from ...reference.taylor.batch import BatchLaunches, launch_batch
+from ...reference.taylor.expressions import import_without_sympy
 from .design import DesignPart
 from .spec import Campaign, Launches
 from .table import DIGITS, Chunk, as_parquet, schema_of, stop_names
 
 ThrownPart = tuple[IndexArray, BatchLaunches]
 """Places of some machines of a chunk, (m,), and their launches."""
+
+
+def prepare_process() -> None:
+    """Import what machines are thrown with, in a process that does nothing else."""
+    import_without_sympy()
 
 
 def launch_rows(described: Campaign, machines: DesignPart) -> Chunk:

@@ -32,7 +32,7 @@ from ..runs.runner import failure
 from ..runs.store import conditions
 from ..runs.study import Progress, Study
 from .design import DesignPart
-from .launched import failed_launch, launch_rows
+from .launched import failed_launch, launch_rows, prepare_process
 from .machines import (
     EngineCase,
     MovedMachine,
@@ -72,12 +72,25 @@ def run(
         progress("", done, store.chunks)
     with where.worker() as worker:
         make = partial(_make, store, worker)
+        if described.runs is None and where.cluster is None and done < store.chunks:
+            _start(worker, min(where.at_once, store.chunks - done))
         with closing(unordered(make, missing, lambda: where.at_once)) as made:
             for chunk in made:
                 done += 1
                 if progress is not None:
                     progress(f"chunk {chunk}", done, store.chunks)
     return store
+
+
+def _start(worker: Worker, processes: int) -> None:
+    """Start processes that throw machines, while this one makes the first of them.
+
+    One that does not start is started again by its first chunk, which says what is wrong.
+    """
+    threads = ThreadPoolExecutor(processes)
+    for _ in range(processes):
+        threads.submit(worker.compute, prepare_process, "the start of a process")
+    threads.shutdown(wait=False)
 
 
 def _longest(described: Campaign) -> float:

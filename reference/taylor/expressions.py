@@ -16,6 +16,7 @@ so that L D L^T needs no pivoting (symmetric quasidefinite matrices: Vanderbei, 
 from __future__ import annotations
 
 import importlib.util
+import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
@@ -68,6 +69,21 @@ def heyoka() -> Any:
     except ImportError:
         raise EngineNotInstalledError(_ABSENT) from None
     return heyoka
+
+
+def import_without_sympy() -> None:
+    """Import the library, if it is there, without SymPy, which takes three times as long as itself.
+
+    It imports SymPy where that is installed, to convert expressions from and to it; in this process
+    it does not convert any from then on. For processes that are ours alone.
+    """
+    if "heyoka" in sys.modules or "sympy" in sys.modules or not _is_installed():
+        return
+    sys.modules["sympy"] = None  # pyright: ignore[reportArgumentType]  # as if it was not installed
+    try:
+        heyoka()
+    finally:
+        del sys.modules["sympy"]
 
 
 def why_not_taylor(problem: Problem) -> str | None:

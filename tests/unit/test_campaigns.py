@@ -6,6 +6,8 @@ import os
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import time
 import tomllib
 from dataclasses import replace
@@ -387,6 +389,30 @@ def test_a_difference_has_each_run_once(tmp_path: Path) -> None:
 
 
 # --- Launches
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="heyoka has wheels for Linux only")
+def test_a_process_that_throws_machines_imports_no_more_than_it_needs() -> None:
+    """SymPy, SciPy's integrators, pandas and the engines would take longer than a chunk."""
+    code = """
+import sys
+from trebucheck.comparisons.campaigns.design import Design
+from trebucheck.comparisons.campaigns.launched import launch_rows, prepare_process
+from trebucheck.comparisons.campaigns.spec import Campaign
+
+machines = {"model": "fixed", "values": {"l1": {"min": 8.0, "max": 11.0, "steps": 2}}}
+given = Campaign.of({"name": "a", "machines": machines, "launches": {}})
+prepare_process()
+launch_rows(given, Design(given).part(0, 2))
+print(*sys.modules)
+import sympy
+assert sympy.Integer(2) == 2  # it is only hidden from heyoka
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd="/")
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert not loaded & {"sympy", "pandas", "numba", "mujoco", "pymunk", "exudyn"}
+    assert "heyoka" in loaded and "scipy.integrate" not in done.stdout.split()
 
 
 def test_launches_are_those_of_the_reference(tmp_path: Path) -> None:
