@@ -46,7 +46,7 @@ class KaneTree:
         found: dict[str, Any] = {}
         exec(text, found)
         self.made = made = SimpleNamespace(**found)
-        tree = found.get("tree") or made.kanes_method()  # a run with loops has none
+        tree = found.get("tree") or made.kanes_method(u_ind=made.v)  # a run with loops has none
         self._matrix, self._forces = made.function(tree.mass_matrix), made.function(tree.forcing)
         self._opposites = made.function(tree.auxiliary_eqs, [speed.diff() for speed in made.v])
         points = [made.point(each.body, each.point) for each in mechanism.markers]
