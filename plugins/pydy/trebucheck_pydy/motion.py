@@ -21,7 +21,7 @@ from trebucheck_toolkit.schemes import State
 
 
 def program(mechanism: Mechanism, options: Any = None, duration: float = 0.0) -> str:
-    """The program of a mechanism's equations; with options, of its run by PyDy's System [s]."""
+    """A mechanism's equations as a program; with options and a duration [s], a run by System."""
     to, (q, u) = JointCoordinates(mechanism), initial_state(mechanism)
     return filled_template(
         __name__,
@@ -93,7 +93,7 @@ class KaneMotion(TreeMotion):
     """The tree in steps of DOP853; stops and loops held by multipliers."""
 
     def __init__(self, mechanism: Mechanism, tolerance: float, text: str = "") -> None:
-        """Execute a program of the mechanism, whose equations are left out if none is given."""
+        """Execute a program of the mechanism: the text, or else that of its equations alone."""
         tree = KaneTree(mechanism, text or program(mechanism))
         super().__init__(tree)
         bare = mechanism.model_copy(update={"force_elements": ()})  # SymPy has the loads
