@@ -11,7 +11,7 @@ from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording, 
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import MOVED, Assistance, Part, Supplied, all_by
 from trebucheck.models.elements import CubicTorsionSpring, TranslationJoint
-from trebucheck.models.features import COVERED_BY_FEATURES, Basic, Feature
+from trebucheck.models.features import COVERED_BY_FEATURES, Basic, Feature, refuse_features
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive, Real
@@ -26,18 +26,11 @@ _ASSISTED: Supplied = {part: text for part, text in MOVED.items() if part is not
 class PydyEngine(BuiltinEngine):
     """SymPy's `KanesMethod` and PyDy's `System`; the defaults are the assisted preset.
 
-    Assisted (`mode="events"`), the mass matrix and forces that SymPy generates, springs and loads
-    among them, are moved by SciPy's DOP853 in steps of ours. Stops and joints that close loops are
-    constraint multipliers on them, and events are located by trebucheck's driver.
-
-    By itself (`mode="system"`) it is `System.integrate` from start to end; loops are closed by
-    KanesMethod's constraints with dependent speeds. SymPy's mechanics has no unilateral
-    constraints, so that there are no stops.
-
-    In both, energies and points are SymPy's, and reactions Kane's auxiliary equations.
-
-    Raises:
-        InputError: an option is unknown or outside its range.
+    Assisted (`mode="events"`), DOP853 moves SymPy's mass matrix and forces, loads among them, in
+    steps of ours; stops and loops are multipliers on them, and events are located by trebucheck's
+    driver. By itself (`mode="system"`) it is `System.integrate` from start to end, loops closed by
+    dependent speeds; SymPy's mechanics has no unilateral constraints. In both, energies and points
+    are SymPy's, and reactions Kane's auxiliary equations.
     """
 
     name: ClassVar[str] = "pydy"
@@ -97,18 +90,20 @@ class PydyEngine(BuiltinEngine):
         from .motion import KaneMotion, run_system
 
         if self.mode == "system":
-            return run_system(problem, self.timestep, self.integrator, self.tolerance)
+            return run_system(problem, self)
         motion = KaneMotion(problem.mechanism, self.tolerance)
         return EventDriver(problem, motion, self.name, self.timestep).run()
 
     def _script(self, problem: Problem) -> str:
-        from .motion import script
+        from .motion import program
 
-        return script(problem, self.timestep, self.integrator, self.tolerance)
+        return program(problem.mechanism, self, problem.duration)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The generated mass matrix, forces and accelerations in each state."""
         self.refuse_absence()
+        able = self.capabilities
+        refuse_features(mechanism, able.features, self.name, classes=able.elements)
         from .motion import KaneMotion
 
         return KaneMotion(mechanism, self.tolerance).inspect(states)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from trebucheck.engines.presets import ASSISTED, PRESETS
+from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
@@ -16,13 +16,11 @@ from trebucheck.engines.study import (
     Intervention,
     MaintainersNote,
     Refinement,
-    Tolerance,
     multiplied,
     time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck_toolkit.scheme_tables import error_controlled
+from trebucheck_toolkit.alone import own_program
+from trebucheck_toolkit.scheme_tables import error_controlled, located_tolerances
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -41,12 +39,6 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )
 
 
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by or mechanism.stops:
-        return {}
-    return {"SymPy and PyDy": engine.script(Problem(mechanism, duration=duration))}
-
-
 STUDY = EngineStudy(
     causes=_causes,
     step_orders=dict.fromkeys(
@@ -54,12 +46,9 @@ STUDY = EngineStudy(
     ),
     refinements=(Refinement("tolerance", "a tenth of it", multiplied("tolerance", 0.1)),),
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("SymPy and PyDy"),
     # Errors grow some 1e3-fold in the paper's machines; forces are 1e4 N.
-    tolerances=tuple(
-        Tolerance(ASSISTED, metric, 1e-9, 4e-3, 8, "DOP853 at a tolerance of 1e-13", per=per)
-        for metric, per in (("position_max", ""), ("release_time", ""), ("stop_torque_max", "peak"))
-    ),
+    tolerances=located_tolerances(8, "DOP853 at a tolerance of 1e-13", step=4e-3, position=1e-9),
     title="PyDy (SymPy's Kane's method)",
     binding="the Python distributions `pydy` and `sympy`",
     maintainers_note=MaintainersNote(

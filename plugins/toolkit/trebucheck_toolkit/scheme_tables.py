@@ -29,13 +29,23 @@ def error_controlled(method: str) -> StepOrder:
 
 
 def located_tolerances(
-    order: int = 4, reason: str = "fourth order: RK4 with located releases"
+    order: int = 4,
+    reason: str = "fourth order: RK4 with located releases",
+    step: float = 1e-3,
+    position: float = 1e-8,
 ) -> tuple[Tolerance, ...]:
-    """Tolerances of assisted presets of high order that locate events: for a step of 1 ms."""
+    """Tolerances of assisted presets of high order that locate events.
+
+    Args:
+        order: of the steps.
+        reason: for these tolerances.
+        step: for which they are [s].
+        position: greatest error of a marker [m].
+    """
     return (
-        Tolerance(ASSISTED, "position_max", 1e-8, 1e-3, order, reason),
-        Tolerance(ASSISTED, "release_time", 1e-9, 1e-3, order, reason),
-        Tolerance(ASSISTED, "stop_torque_max", 1e-9, 1e-3, order, reason, per="peak"),
+        Tolerance(ASSISTED, "position_max", position, step, order, reason),
+        Tolerance(ASSISTED, "release_time", 1e-9, step, order, reason),
+        Tolerance(ASSISTED, "stop_torque_max", 1e-9, step, order, reason, per="peak"),
     )
 
 
