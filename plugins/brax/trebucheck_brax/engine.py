@@ -66,7 +66,11 @@ class BraxEngine(BuiltinEngine):
     settings_options: ClassVar[Mapping[str, object] | None] = {"mass_unit": "kg"}
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
-            Part.UNITS, "gives masses in units of the machine's size", "mass_unit", off="kg"
+            Part.UNITS,
+            "gives masses in units of the machine's size",
+            "mass_unit",
+            off="kg",
+            acts_on=lambda mechanism: bool(mechanism.stops),
         ),
     )
     readings: ClassVar[Supplied] = {Part.ELEMENTS: "as controls of motors before each step"}
@@ -101,21 +105,21 @@ class BraxEngine(BuiltinEngine):
     )
 
     def _run(self, problem: Problem) -> Recording:
-        from .alone import run_alone  # here, so that the class and its options need no Brax
+        from .alone import Plan  # here, so that the class and its options need no Brax
 
-        return run_alone(problem, self)
+        return Plan(problem, self).run()
 
     def _script(self, problem: Problem) -> str:
-        from .alone import program
-        from .build import Plan
+        from .alone import Plan
 
-        return program(problem, Plan(problem, self))
+        return Plan(problem, self).program()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Mass matrix, forces and accelerations in each state, in double precision."""
         self.refuse_absence()
         if self.pipeline != "generalized":
             raise UnsupportedProblemError("our adapter reads no dynamics of this pipeline of Brax.")
-        from .alone import inspect
+        from .alone import Plan
 
-        return inspect(mechanism, states, self.model_copy(update={"precision": "double"}))
+        double = self.model_copy(update={"precision": "double"})
+        return Plan(Problem(mechanism, duration=self.timestep), double).inspect(states)

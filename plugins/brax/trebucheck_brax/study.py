@@ -7,8 +7,7 @@ from typing import Any
 from trebucheck.engines import study
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import MaintainersNote
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
 
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
@@ -24,20 +23,9 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[study.Cause, ...]:
-    own = (
-        study.Cause(name, why, study.Intervention(change))
-        for name, (why, change) in _CHANGES.items()
-    )
-    return (
-        *own,
-        study.time_step_cause({"timestep": float(settings["timestep"]) / study.REFINEMENT}),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Brax in Python": engine.script(Problem(mechanism, duration=duration))}
+    finer = {"timestep": float(settings["timestep"]) / study.REFINEMENT}
+    changes = ((name, why, study.Intervention(own)) for name, (why, own) in _CHANGES.items())
+    return *(study.Cause(*change) for change in changes), study.time_step_cause(finer)
 
 
 STUDY = study.EngineStudy(
@@ -49,7 +37,6 @@ STUDY = study.EngineStudy(
         SETTINGS: EULER_STEPS,
         ASSISTED: EULER_STEPS,
     },
-    refinements=(study.HALF_THE_STEP,),
     option_sets=(
         study.DEFAULT_SET,
         study.OptionSet(
@@ -60,7 +47,7 @@ STUDY = study.EngineStudy(
         study.ASSISTED_SET,
     ),
     tolerances=euler_tolerances(ASSISTED),
-    snippets=_snippets,
+    snippets=own_program("Brax in Python"),
     single_precision=lambda settings: settings["precision"] == "single",
     title="Brax",
     binding="the Python wheel `brax`",

@@ -15,6 +15,7 @@ from trebucheck.models.elements import FreeJoint, Stop
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
+from .gap_releases import releases
 from .node_samples import NodeSamples
 from .node_scene import MIRROR, NodeScene
 
@@ -53,7 +54,7 @@ class BodySteps:
         forces: of each joint that holds anything on its child, in the scene's axes, shape
             (n, joints, 2) [N]; None: the engine tells none.
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
-            the engine tells none.
+            the engine tells none, and releases are those of the gaps (:mod:`.gap_releases`).
         slop: error of angles that the engine lets be [rad].
         at_end: whether a step's forces are those at its end.
     """
@@ -76,7 +77,7 @@ class BodySteps:
         if self.forces is not None:
             found = replace(found, joint_reactions=self._reactions(self.forces))
         if self.torques is None:
-            return found
+            return replace(found, release_times=releases(self.samples))
         stops = self.problem.mechanism.stops
         none = np.zeros(len(self.t) - 1)
         torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}
