@@ -55,19 +55,18 @@ class Plan:
     def program(self) -> str:
         """The program of the run."""
         options, mechanism = self.options, self.mechanism.model_copy(update={"force_elements": ()})
-        of_model = MujocoOptions(
-            timestep=options.timestep,
-            integrator="Euler",
-            tolerance=1e-8,
-            margin=0.0,
-            iterations=options.solver_iterations,
-            solref=options.solref or (8 * options.timestep, 1.0),
-            solimp=options.solimp,
-        )
         text = program(
             __name__,
             self.problem.model_copy(update={"mechanism": mechanism}),
-            of_model,
+            MujocoOptions(
+                timestep=options.timestep,
+                integrator="Euler",
+                tolerance=1e-8,
+                margin=0.0,
+                iterations=options.solver_iterations,
+                solref=options.solref or (8 * options.timestep, 1.0),
+                solimp=options.solimp,
+            ),
             plan=self,
             own=type(options).presets()[DEFAULT](),
             angles=[self.kinematics.angle(name).coefficients.tolist() for name in self.names],
@@ -81,9 +80,7 @@ class Plan:
         """Names of the program, after its run."""
         found: dict[str, Any] = {}
         with without_words_on_warp():
-            import jax
-
-            keep_compiled(jax)
+            keep_compiled()
             exec(self.program(), found)
         return found
 

@@ -8,8 +8,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
+from trebucheck.engines.study import (
+    REFINEMENT,
+    Cause,
+    ConstraintKinds,
+    Intervention,
+    time_step_cause,
+)
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import FreeJoint, Stop
 from trebucheck.models.mechanism import Mechanism
@@ -33,6 +41,22 @@ def own_program(title: str) -> Callable[[Any, Mechanism, float], dict[str, str]]
         return {title: engine.script(Problem(mechanism, duration=duration))}
 
     return snippets
+
+
+def caused_by(
+    changes: Mapping[str, tuple[str, Mapping[str, JsonValue]]],
+) -> Callable[[Any, ConstraintKinds], tuple[Cause, ...]]:
+    """Causes of errors for a study, the same with all settings, and after them the time step.
+
+    Args:
+        changes: by the name of a cause its reason, and the options that take it out.
+    """
+
+    def causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+        own = (Cause(name, why, Intervention(out)) for name, (why, out) in changes.items())
+        return *own, time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT})
+
+    return causes
 
 
 @dataclass(frozen=True)
