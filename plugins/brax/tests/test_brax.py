@@ -5,7 +5,6 @@ import subprocess
 import sys
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 import trebucheck as tb
@@ -13,7 +12,6 @@ from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.presets import ASSISTED, DEFAULT
 from trebucheck.models.library.registry import benchmark
 from trebucheck.models.problem import Problem
-from trebucheck_brax.build import OWN, Plan
 from trebucheck_brax.engine import BraxEngine
 
 _EMPTY = """
@@ -58,9 +56,12 @@ def test_the_defaults_are_braxs_own() -> None:
     fresh = [sys.executable, "-c", "import jax; print(jax.numpy.zeros(1).dtype)"]
     done = subprocess.run(fresh, check=True, capture_output=True, text=True)
     assert default.precision == "single" and done.stdout.strip() == "float32"
-    text = Plan(Problem(tb.fixed(), duration=1.0), default).text()
+    text = default.script(Problem(tb.fixed(), duration=1.0))
     assert "solref" not in text and "timestep" not in text and "numeric" not in text
-    assert not set(OWN) - set(own)
+    of_the_model = {"timestep", "solver_iterations", "solref", "solimp"}
+    others = {name: 1 + getattr(default, name) for name in own if name not in of_the_model}
+    text = _engine(DEFAULT, **others).script(Problem(tb.fixed(), duration=1.0))
+    assert all(f'add_numeric(name="{name}"' in text for name in others)
 
 
 @pytest.mark.parametrize(
@@ -180,13 +181,13 @@ def test_braxs_own_loader_loses_welded_masses() -> None:
     """So the adapter has MuJoCo's compiler join welded bodies (`fusestatic`)."""
     from brax.io import mjcf
 
-    mechanism = benchmark("welded-rods").problem().mechanism
-    text = Plan(Problem(mechanism, duration=1.0), _engine(DEFAULT)).text()
+    mechanism, found = benchmark("welded-rods").problem().mechanism, dict[str, Any]()
+    exec(_engine(DEFAULT).script(Problem(mechanism, duration=0.01)), found)
     total = sum(body.mass for body in mechanism.bodies)
-    joined = mjcf.load_model(mujoco.MjModel.from_xml_string(text)).link.inertia.mass
-    assert float(joined.sum()) == pytest.approx(total, rel=1e-6)
+    joined = float(found["system"].link.inertia.mass.sum())
+    assert joined == pytest.approx(total, rel=1e-6)
     try:
-        lost = float(mjcf.loads(text).link.inertia.mass.sum())
+        lost = float(mjcf.loads(found["MJCF"]).link.inertia.mass.sum())
     except ValueError:  # two `inertial` in a body: MuJoCo refuses it
         return
     assert lost != pytest.approx(total, rel=1e-6)

@@ -1,131 +1,130 @@
-"""Brax by itself: the run is the program that :func:`program` writes, executed here."""
+"""Brax by itself: a run is the program that :class:`Plan` writes, executed here.
+
+Its model is the MJCF of trebucheck's writer, to which the program adds what Brax needs. Brax's
+pipelines have no tendons, no forces on bodies, and two of them no springs of joints; what all have
+are motors. So the forces of elements are the motors' controls, computed before each step.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from trebucheck.engines.events import whole_steps
 from trebucheck.engines.inspection import Dynamics, Inspection, State
+from trebucheck.engines.mujoco.options import MujocoOptions
+from trebucheck.engines.point_masses import spread_masses
+from trebucheck.engines.presets import DEFAULT
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import timed_reading
-from trebucheck.engines.study import filled_template
-from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.elements import GROUND
+from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.alone import BodySteps
+from trebucheck_toolkit.body_program import UprightScene, load_lines, scene_states
+from trebucheck_toolkit.constrained import held_still
+from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.jax_on_cpu import keep_compiled, without_words_on_warp
-from trebucheck_toolkit.node_scene import MIRROR, NodeScene
-
-from .build import Plan
-
-_OPENING = 1e-3
-"""Gap of a stop that is open for good [rad]: soft limits bounce by less while they settle."""
+from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.mujoco_models import program
+from trebucheck_toolkit.node_scene import NodeScene, lawful_stops
 
 
-def program(problem: Problem, plan: Plan) -> str:
-    """The program of a run."""
-    mechanism, freedoms = plan.mechanism, plan.coordinates.freedoms
-    places = [freedom.index for freedom in freedoms]
-    turning = [body.name for body in mechanism.bodies if body.angle is not None]
-    return filled_template(
-        __name__,
-        "alone.py.j2",
-        plan=plan,
-        options=plan.options,
-        steps=whole_steps(problem.duration, plan.options.timestep),
-        links=[plan.carrier(body) for body in turning],
-        slides=[places.index(k) for k in range(len(turning), len(mechanism.coordinates))],
-    )
-
-
-def _executed(problem: Problem, plan: Plan) -> dict[str, Any]:
-    """Names of the program of a run, after it."""
-    with without_words_on_warp():
-        import jax
-        from brax.io import mjcf  # pyright: ignore # noqa: F401 - it prints where it is imported
-    keep_compiled(jax)
-    found: dict[str, Any] = {}
-    exec(program(problem, plan), found)
-    return found
-
-
-def run_alone(problem: Problem, options: Any) -> Recording:
-    """Step Brax from the start to a problem's end or just beyond, and read its links.
+class Plan:
+    """What Brax is given of a problem; all stops are limits, for the whole run.
 
     Raises:
         UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.
     """
-    plan = Plan(problem, options)
-    return _recording(problem, plan, _executed(problem, plan))
 
+    def __init__(self, problem: Problem, options: Any) -> None:
+        self.problem, self.options = problem, options
+        self.spread = spread_masses(problem.mechanism, None, "brax")
+        self.scene = NodeScene(self.spread.mechanism, "brax")
+        self.frames = UprightScene(self.scene)
+        stops = {"stops": tuple(lawful_stops(problem))}
+        self.mechanism = self.spread.mechanism.model_copy(update=stops)
+        self.coordinates = JointCoordinates(self.mechanism)
+        self.kinematics = Kinematics(self.mechanism)
+        self.places = JointLimits(self.coordinates, "brax").places
+        self.names = [GROUND, *(body.name for body, _ in self.coordinates.links)]
+        """Bodies in MuJoCo's order."""
 
-@timed_reading()
-def _recording(problem: Problem, plan: Plan, found: dict[str, Any]) -> Recording:
-    scene, t = NodeScene(plan.spread.mechanism, "brax"), found["t"]
-    states = np.zeros((len(t), len(scene.bodies), 6))
-    for index, body in enumerate(scene.mechanism.bodies):
-        link, place = plan.carrier(body.name), np.array(scene.bodies[index]["position"])
-        states[:, index, :2] = place
-        if link >= 0:
-            origin, turn, spin = (found[name][:, link] for name in ("places", "turns", "turning"))
-            arm = np.exp(-1j * turn) * complex(*(place * MIRROR - origin[0]))
-            moved = np.stack([arm.real, arm.imag], axis=-1)
-            across = spin[:, None] * np.stack([arm.imag, -arm.real], axis=-1)
-            states[:, index, :2] = (origin + moved) * MIRROR
-            states[:, index, 3:5] = (found["velocities"][:, link] + across) * MIRROR
-            states[:, index, 2], states[:, index, 5] = turn, spin
-    told = np.asarray(found["limit_forces"], dtype=np.float64) * plan.unit
-    torques = {
-        name: np.maximum(0.0, sense * told[:, index])
-        for name, (index, sense) in plan.places.items()
-        if plan.options.capabilities.stop_torques
-    }
-    tells = torques or plan.options.capabilities.stop_torques
-    steps = BodySteps(
-        problem, scene, plan.spread, t, states, torques=torques if tells else None, slop=_OPENING
-    )
-    recording = steps.recording(found["q"], found["u"])
-    if tells:
-        return recording
-    closed = [stop for stop in plan.mechanism.stops if stop.closed]
-    opened = {stop.name: t[steps.samples.gap(stop) > _OPENING] for stop in closed}
-    times = {name: float(after[0]) if len(after) else None for name, after in opened.items()}
-    return replace(recording, release_times=times)
-
-
-def inspect(mechanism: Mechanism, states: Sequence[State], options: Any) -> Inspection:
-    """Mass matrix and forces of `generalized`; accelerations follow, with closed stops at rest."""
-    problem = Problem(mechanism, duration=options.timestep)
-    plan = Plan(problem, options)
-    found, to = _executed(problem, plan), plan.coordinates
-    system = found["system"]
-    import jax
-    from brax.actuator import to_tau
-    from brax.generalized import dynamics, pipeline
-
-    @jax.jit
-    def look(q: Any, qd: Any) -> tuple[Any, Any]:
-        state = pipeline.init(system, q, qd)
-        tau = to_tau(system, found["control"](state), q, qd)
-        return state.mass_mx, dynamics.forward(system, state, tau)
-
-    def seen(state: State) -> Dynamics:
-        j = to.positions(state.q) - to.positions(plan.start)
-        mass, forces = (np.asarray(each) * plan.unit for each in look(j, to.speeds(state.u)))
-        rows = np.zeros((len(state.closed), len(j)))
-        for row, name in zip(rows, state.closed, strict=True):
-            row[plan.places[name][0]] = plan.places[name][1]
-        pushes = -np.linalg.solve(
-            rows @ np.linalg.solve(mass, rows.T), rows @ np.linalg.solve(mass, forces)
+    def program(self) -> str:
+        """The program of the run."""
+        options, mechanism = self.options, self.mechanism.model_copy(update={"force_elements": ()})
+        text = program(
+            __name__,
+            self.problem.model_copy(update={"mechanism": mechanism}),
+            MujocoOptions(
+                timestep=options.timestep,
+                integrator="Euler",
+                tolerance=1e-8,
+                margin=0.0,
+                iterations=options.solver_iterations,
+                solref=options.solref or (8 * options.timestep, 1.0),
+                solimp=options.solimp,
+            ),
+            plan=self,
+            own=type(options).presets()[DEFAULT](),
+            angles=[self.kinematics.angle(name).coefficients.tolist() for name in self.names],
+            loads=load_lines(self.frames, self.mechanism),
         )
-        a = np.linalg.solve(mass, forces + rows.T @ pushes)
-        return Dynamics(
-            accelerations=to.mechanism_speeds(a),
-            stop_torques=dict(zip(state.closed, pushes.tolist(), strict=True)),
-            mass_matrix=to.mass_matrix(mass),
-            forces=np.linalg.solve(to.sums.T, forces),
-        )
+        if "<tendon>" in text:
+            raise UnsupportedProblemError("Brax has no limits of tendons, for clamped joints.")
+        return text
 
-    return Inspection(found["q"][0], found["u"][0], tuple(map(seen, states)))
+    def executed(self) -> dict[str, Any]:
+        """Names of the program, after its run."""
+        found: dict[str, Any] = {}
+        with without_words_on_warp():
+            keep_compiled()
+            exec(self.program(), found)
+        return found
+
+    def run(self) -> Recording:
+        """Step Brax from the start to the problem's end or just beyond, and read its links."""
+        found, torques = self.executed(), None
+        with timed_reading():
+            if self.options.capabilities.stop_torques:
+                told = found["UNIT"] * np.array(found["limit_forces"], dtype=np.float64)
+                torques = {
+                    name: np.maximum(0.0, sense * told[:, index])
+                    for name, (index, sense) in self.places.items()
+                }
+            order = [self.names.index(body.name) for body in self.mechanism.bodies]
+            states = scene_states(self.frames, self.scene, found["states"][:, order])
+            steps = BodySteps(
+                self.problem,
+                self.scene,
+                self.spread,
+                found["t"],
+                states,
+                torques=torques,
+                slop=OPENING,
+            )
+            return steps.recording(found["q"], found["u"])
+
+    def inspect(self, states: Sequence[State]) -> Inspection:
+        """Mass matrix and forces of `generalized`; accelerations follow, closed stops at rest."""
+        found, to = self.executed(), self.coordinates
+        start = to.positions(np.array(self.mechanism.start))
+
+        @found["jax"].jit
+        def look(q: Any, qd: Any) -> tuple[Any, Any]:
+            state = found["pipeline"].init(found["system"], q, qd)
+            return state.mass_mx, found["step"](state, None)[0].qf_smooth
+
+        def seen(state: State) -> Dynamics:
+            told = look(to.positions(state.q) - start, to.speeds(state.u))
+            of_joints = [found["UNIT"] * np.asarray(each) for each in told]
+            mass, forces = to.mass_matrix(of_joints[0]), np.linalg.solve(to.sums.T, of_joints[1])
+            gaps = [self.kinematics.gap_jacobian(name, state.q) for name in state.closed]
+            rows = np.reshape(gaps, (-1, len(forces)))
+            accelerations, pushes = held_still(np.linalg.solve(mass, forces), mass, rows)
+            torques = dict(zip(state.closed, pushes.tolist(), strict=True))
+            return Dynamics(accelerations, torques, mass, forces)
+
+        return Inspection(found["q"][0], found["u"][0], tuple(map(seen, states)))

@@ -21,6 +21,7 @@ from .study import STUDY
 
 _Impedance = Annotated[Real, Field(ge=1e-4, le=0.9999)]
 _Count = Annotated[int, Field(ge=1, le=10_000)]
+_SCALED = "gives masses in units of the machine's size"
 _CAPABILITIES = Capabilities(
     joint_reactions=False,
     joint_gaps=True,
@@ -66,7 +67,7 @@ class BraxEngine(BuiltinEngine):
     settings_options: ClassVar[Mapping[str, object] | None] = {"mass_unit": "kg"}
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
-            Part.UNITS, "gives masses in units of the machine's size", "mass_unit", off="kg"
+            Part.UNITS, _SCALED, "mass_unit", off="kg", acts_on=lambda made: bool(made.stops)
         ),
     )
     readings: ClassVar[Supplied] = {Part.ELEMENTS: "as controls of motors before each step"}
@@ -100,22 +101,21 @@ class BraxEngine(BuiltinEngine):
         default="machine", description="machine: the greatest inertia that a limit feels"
     )
 
-    def _run(self, problem: Problem) -> Recording:
-        from .alone import run_alone  # here, so that the class and its options need no Brax
+    def _plan(self, problem: Problem) -> Any:
+        from .alone import Plan  # here, so that the class and its options need no MuJoCo
 
-        return run_alone(problem, self)
+        return Plan(problem, self)
+
+    def _run(self, problem: Problem) -> Recording:
+        return self._plan(problem).run()
 
     def _script(self, problem: Problem) -> str:
-        from .alone import program
-        from .build import Plan
-
-        return program(problem, Plan(problem, self))
+        return self._plan(problem).program()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Mass matrix, forces and accelerations in each state, in double precision."""
         self.refuse_absence()
         if self.pipeline != "generalized":
             raise UnsupportedProblemError("our adapter reads no dynamics of this pipeline of Brax.")
-        from .alone import inspect
-
-        return inspect(mechanism, states, self.model_copy(update={"precision": "double"}))
+        double = self.model_copy(update={"precision": "double"})
+        return double._plan(Problem(mechanism, duration=self.timestep)).inspect(states)

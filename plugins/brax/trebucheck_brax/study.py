@@ -2,69 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines import study
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
-from trebucheck.engines.study import MaintainersNote
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import caused_by, own_program
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
 
-_CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
+_CAUSES = {
     "joints": ("joints are springs, or corrected in part in a step", {"pipeline": "generalized"}),
     "precision": ("numbers of 24 bits", {"precision": "double"}),
     "mass matrix": ("its inverse is improved from the last", {"matrix_inv_iterations": 0}),
     "solver of limits": ("it ends at a residual of fixed size", {"mass_unit": "machine"}),
     "softness": (
         "limits are softer than need be",
-        {"solref": None, "solimp": [0.99] * 2 + [1e-3, 0.5, 2.0]},
+        {"solref": None, "solimp": [0.99, 0.99, 0.001, 0.5, 2.0]},
     ),
 }
-
-
-def _causes(settings: Any, _: study.ConstraintKinds) -> tuple[study.Cause, ...]:
-    own = (
-        study.Cause(name, why, study.Intervention(change))
-        for name, (why, change) in _CHANGES.items()
-    )
-    return (
-        *own,
-        study.time_step_cause({"timestep": float(settings["timestep"]) / study.REFINEMENT}),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Brax in Python": engine.script(Problem(mechanism, duration=duration))}
-
-
+_SOFT = study.StepOrder(None, "first order, and limits of fixed softness", EULER_STEPS.scheme)
 STUDY = study.EngineStudy(
-    causes=_causes,
-    step_orders={
-        DEFAULT: study.StepOrder(
-            None, "first order, and limits of fixed softness", EULER_STEPS.scheme
-        ),
-        SETTINGS: EULER_STEPS,
-        ASSISTED: EULER_STEPS,
-    },
-    refinements=(study.HALF_THE_STEP,),
+    causes=caused_by(_CAUSES),
+    step_orders={DEFAULT: _SOFT, SETTINGS: EULER_STEPS, ASSISTED: EULER_STEPS},
     option_sets=(
         study.DEFAULT_SET,
-        study.OptionSet(
-            "positional", "default, that pipeline", DEFAULT, {"pipeline": "positional"}
-        ),
-        study.OptionSet("spring", "default, that pipeline", DEFAULT, {"pipeline": "spring"}),
+        study.OptionSet("positional", "default with it", DEFAULT, {"pipeline": "positional"}),
+        study.OptionSet("spring", "default with it", DEFAULT, {"pipeline": "spring"}),
         study.SETTINGS_SET,
         study.ASSISTED_SET,
     ),
     tolerances=euler_tolerances(ASSISTED),
-    snippets=_snippets,
+    snippets=own_program("Brax in Python"),
     single_precision=lambda settings: settings["precision"] == "single",
     title="Brax",
     binding="the Python wheel `brax`",
-    maintainers_note=MaintainersNote(
+    maintainers_note=study.MaintainersNote(
         chosen="`default` sets no option, by the pipeline `generalized`, to which Brax's "
         "environments default, in JAX's single precision; `settings` has double precision, shorter "
         "steps, a solved mass matrix and stiffer limits: {{ plain.agrees }} problems agree where "

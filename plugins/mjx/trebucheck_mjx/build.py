@@ -33,7 +33,7 @@ KEPT = 2
 """Models of which what is compiled is kept: a run's, and one of its readings or of another run."""
 
 
-keep_compiled(jax)
+keep_compiled()
 
 
 @dataclass(frozen=True)

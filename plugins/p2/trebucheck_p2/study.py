@@ -2,57 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
-    REFINEMENT,
     SETTINGS_SET,
-    Cause,
-    ConstraintKinds,
     EngineStudy,
-    Intervention,
     MaintainersNote,
     StepOrder,
-    time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import caused_by, own_program
 
-
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    return (
-        Cause("damping", "every body loses speed", Intervention({"damping": 0.0})),
-        Cause(
-            "iterations",
-            "the solver ends before the joints hold",
-            Intervention({"iterations": 1000, "tolerance": 0.0}),
-        ),
-        Cause("softness", "joints give way like springs", Intervention({"stiffness": 1e14})),
-        Cause(
-            "single precision",
-            "vectors are rounded to seven digits",
-            Intervention({"single_precision": False}),
-        ),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"p2-es in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
+_CAUSES = {
+    "damping": ("every body loses speed", {"damping": 0.0}),
+    "iterations": (
+        "the solver ends before the joints hold",
+        {"iterations": 1000, "tolerance": 0.0},
+    ),
+    "softness": ("joints give way like springs", {"stiffness": 1e14}),
+    "single precision": ("vectors are rounded to seven digits", {"single_precision": False}),
+}
 _SCHEME = "semi-implicit Euler, regularized impulses"
 _REASON = "semi-implicit Euler in Cartesian coordinates"
 STUDY = EngineStudy(
-    causes=_causes,
+    causes=caused_by(_CAUSES),
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("p2-es in Node.js"),
     single_precision=lambda settings: bool(settings["single_precision"]),
     title="p2-es",
     binding="the npm package `p2-es`, moved by Node.js",

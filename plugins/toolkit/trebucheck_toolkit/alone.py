@@ -8,13 +8,22 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
+from trebucheck.engines.study import (
+    REFINEMENT,
+    Cause,
+    ConstraintKinds,
+    Intervention,
+    time_step_cause,
+)
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import FreeJoint, Stop
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
+from .gap_releases import releases
 from .node_samples import NodeSamples
 from .node_scene import MIRROR, NodeScene
 
@@ -32,6 +41,22 @@ def own_program(title: str) -> Callable[[Any, Mechanism, float], dict[str, str]]
         return {title: engine.script(Problem(mechanism, duration=duration))}
 
     return snippets
+
+
+def caused_by(
+    changes: Mapping[str, tuple[str, Mapping[str, JsonValue]]],
+) -> Callable[[Any, ConstraintKinds], tuple[Cause, ...]]:
+    """Causes of errors for a study, the same with all settings, and after them the time step.
+
+    Args:
+        changes: by the name of a cause its reason, and the options that take it out.
+    """
+
+    def causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
+        own = (Cause(name, why, Intervention(out)) for name, (why, out) in changes.items())
+        return *own, time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT})
+
+    return causes
 
 
 @dataclass(frozen=True)
@@ -53,7 +78,7 @@ class BodySteps:
         forces: of each joint that holds anything on its child, in the scene's axes, shape
             (n, joints, 2) [N]; None: the engine tells none.
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
-            the engine tells none.
+            the engine tells none, and releases are those of the gaps (:mod:`.gap_releases`).
         slop: error of angles that the engine lets be [rad].
         at_end: whether a step's forces are those at its end.
     """
@@ -76,7 +101,7 @@ class BodySteps:
         if self.forces is not None:
             found = replace(found, joint_reactions=self._reactions(self.forces))
         if self.torques is None:
-            return found
+            return replace(found, release_times=releases(self.samples))
         stops = self.problem.mechanism.stops
         none = np.zeros(len(self.t) - 1)
         torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}

@@ -102,7 +102,7 @@ def body_program(
         values: of the engine's part.
     """
     mechanism = problem.mechanism
-    lines = [line for each in mechanism.force_elements for line in _LOADS[each](frames, each)]
+    lines = load_lines(frames, mechanism)
     calls = {line.partition("(")[0] for line in lines}
     shared = {
         "names": [body.name for body in mechanism.bodies],
@@ -126,6 +126,15 @@ def body_program(
         slides=_slides(frames),
         **shared,
     )
+
+
+def load_lines(frames: Frames, mechanism: Mechanism) -> list[str]:
+    """Calls of a program that give the bodies the forces and torques of a step.
+
+    Their functions are `push`, `twist`, `spring` and `torsion_spring`, as `program.py.j2` has them,
+    and `point`, whose first value is a place.
+    """
+    return [line for each in mechanism.force_elements for line in _LOADS[each](frames, each)]
 
 
 def run_program(program: str) -> dict[str, FloatArray]:

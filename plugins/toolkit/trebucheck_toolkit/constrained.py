@@ -76,11 +76,10 @@ class ConstrainedDynamics:
         rows, bias = self._rows(q, u, held)
         if not len(rows):
             return Solved(free, {}, generalized=applied)
-        response = inverse(self.engine.mass_matrix(q)) @ rows.T
-        forces = _least_norm(rows @ response, -(rows @ free + bias))
+        accelerations, forces = held_still(free, self.engine.mass_matrix(q), rows, bias)
         contacts = dict(zip(held, forces[: len(held)].tolist(), strict=True))
         loops = self._loop_forces(q, forces[len(held) :])
-        return Solved(free + response @ forces, contacts, loops, applied + rows.T @ forces)
+        return Solved(accelerations, contacts, loops, applied + rows.T @ forces)
 
     def projected(
         self, q: FloatArray, u: FloatArray, held: Contacts
@@ -162,6 +161,22 @@ class ConstrainedDynamics:
             found.append((joint.name, frame, list(enumerate(joint.held_directions, k))))
             k += len(joint.held_directions) + joint.holds_angle
         return found
+
+
+def held_still(
+    free: FloatArray, mass_matrix: FloatArray, rows: FloatArray, bias: FloatArray | float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """Accelerations where rows G are held, and their forces: G a + bias = 0.
+
+    Args:
+        free: accelerations with nothing held, shape (n,).
+        mass_matrix: shape (n, n).
+        rows: G, shape (m, n).
+        bias: dG/dt u, shape (m,).
+    """
+    response = inverse(mass_matrix) @ rows.T
+    forces = _least_norm(rows @ response, -(rows @ free + bias))
+    return free + response @ forces, forces
 
 
 def subtree_sums(mechanism: Mechanism, forces: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

@@ -11,7 +11,6 @@ import os
 from collections.abc import Generator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # double precision is not to be had elsewhere
 logging.getLogger("absl").setLevel(logging.ERROR)
@@ -35,11 +34,13 @@ def without_words_on_warp() -> Generator[None, None, None]:
         print("".join(kept), end="")
 
 
-def keep_compiled(jax: Any) -> None:
+def keep_compiled() -> None:
     """Have JAX keep what it compiles in the user's cache, unless it keeps it elsewhere.
 
     Compiling is most of a run's time; what is taken from there is the same program.
     """
+    import jax
+
     if jax.config.jax_compilation_cache_dir is None:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         jax.config.update("jax_compilation_cache_dir", str(caches / "trebucheck" / "jax"))

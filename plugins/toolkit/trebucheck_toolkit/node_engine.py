@@ -22,7 +22,6 @@ each joint in `limited` [N m]. If `reads_back` is true, it has `built()`, number
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -41,7 +40,6 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
 from .alone import BodySteps
-from .gap_releases import releases
 from .node_inspect import inspected
 from .node_package import NodePackage
 from .node_program import node_program
@@ -152,10 +150,7 @@ class NodeEngine(BuiltinEngine):
             else None,
             slop=self.slop,
         )
-        found = taken.recording(arrays["q"], arrays["u"])
-        if able.stop_torques:
-            return found
-        return replace(found, release_times=releases(taken.samples))
+        return taken.recording(arrays["q"], arrays["u"])
 
     def _script(self, problem: Problem) -> str:
         return self._program(problem, *self._spread_scene(problem))
