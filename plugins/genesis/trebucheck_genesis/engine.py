@@ -15,6 +15,7 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 
+from .alone import Plan, Tree
 from .study import STUDY
 
 
@@ -92,18 +93,12 @@ class GenesisEngine(BuiltinEngine):
     )
 
     def _run(self, problem: Problem) -> Recording:
-        from .alone import run
-
-        return run(problem, self)
+        return Plan(problem, self).run()
 
     def _script(self, problem: Problem) -> str:
-        from .build import Model
-
-        return Model(problem).program(self)
+        return Plan(problem, self).program()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Mass matrix and accelerations that Genesis computes for the model in each state."""
         self.refuse_absence()
-        from .alone import Tree
-
         return Tree(mechanism, self).inspection(states, self.precision)
