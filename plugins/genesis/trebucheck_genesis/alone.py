@@ -7,13 +7,10 @@ with a spring reads zero at its rest angle, as Genesis's joint springs do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from trebucheck.engines.events import whole_steps
-from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import timed_reading
 from trebucheck.engines.study import filled_template
@@ -23,14 +20,13 @@ from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.mjcf.tree import joints_of
 from trebucheck.models.mjcf.variants import MassProperties, Numerics, Variant
 from trebucheck.models.mjcf.writer import mjcf, mjcf_names
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import Observation, Samples
 from trebucheck_toolkit.given_forces import program, springs_of_joints
 from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
-from trebucheck_toolkit.joint_tree import JointLimits, TreeMotion
+from trebucheck_toolkit.joint_tree import JointLimits
 from trebucheck_toolkit.mujoco_models import tree_of
 from trebucheck_toolkit.node_scene import lawful_stops
 
@@ -130,22 +126,22 @@ class Plan:
             options=options,
             own=options.default_options,
             mjcf=mjcf(model, variant=written),
-            joints=[names[each] for _, joint in self.to.links for each in joints_of(joint)],
             links={body.name: names[body.name] for body in mechanism.bodies},
             markers=[
-                (each.body, complex(*each.point) - complex(*joint.child_point))
+                (each.name, each.body, complex(*each.point) - self.origin(each.body))
                 for each in mechanism.markers
-                for joint in [mechanism.joint_of(each.body)]
             ],
-            gravity=(mechanism.gravity_vector[0], 0.0, mechanism.gravity_vector[1]),
             steps=whole_steps(problem.duration, options.timestep),
             known=len(problem.mechanism.coordinates),
             ranges=Limit.ranges(self.stops.values()),
-            limits=[(limit.index, limit.sense) for limit in self.stops.values()],
             drops=problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits,
             definitions=definitions,
             forces=forces,
         )
+
+    def origin(self, body: str) -> complex:
+        """Point of a body where the frame of its link begins, in the body's frame [m]."""
+        return complex(*self.mechanism.joint_of(body).child_point)
 
     def executed(self) -> dict[str, Any]:
         """Names of the program, after it."""
@@ -155,21 +151,16 @@ class Plan:
 
     def run(self) -> Recording:
         """Run the program, and read what it has noted."""
-        found = self.executed()
+        found, samples = self.executed(), Samples(self.problem)
         with timed_reading():
-            samples = Samples(self.problem)
             pushed = self.problem.mechanism.model_copy(update=self.given)
-            given = AppliedForces(Kinematics(pushed)).potential_energy(found["q"])
-            names = [marker.name for marker in pushed.markers]
-            for k, (kinetic, potential, points) in enumerate(found["looks"][: len(given)]):
-                torques = found["torques"][k] if self.stops else ()
+            energies = AppliedForces(Kinematics(pushed)).potential_energy(found["q"])
+            noted = (found[name] for name in ("t", "q", "u", "torques", "looks"))
+            for t, q, u, torques, look, energy in zip(*noted, energies, strict=True):
+                kinetic, potential, points = look
+                stops = dict(zip(self.stops, torques, strict=True))
                 samples.add(
-                    float(found["t"][k]),
-                    (found["q"][k], found["u"][k]),
-                    dict(zip(self.stops, torques, strict=True)),
-                    Observation(
-                        dict(zip(names, points, strict=True)), kinetic, potential + given[k], {}
-                    ),
+                    float(t), (q, u), stops, Observation(points, kinetic, potential + energy)
                 )
             return samples.own_recording("genesis")
 
@@ -180,39 +171,32 @@ class Tree:
     def __init__(self, mechanism: Mechanism, options: GenesisEngine) -> None:
         plan = Plan(Problem(tree_of(mechanism), duration=options.timestep), options)
         self.coordinates, self.found = JointCoordinates(mechanism), plan.executed()
-        self.links = list(self.found["LINKS"].values())
 
-    def _told(self, name: str, *local: Any, **given: Any) -> FloatArray:
-        told = getattr(self.found["entity"], f"get_{name}")(*local, **given)
+    def _told(self, name: str, **given: Any) -> FloatArray:
+        told = getattr(self.found["entity"], f"get_{name}")(**given)
         return np.asarray(self.found["array"](told))
 
-    def _stepped(self, j: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mass matrix and accelerations, which Genesis keeps of the start of a step."""
-        self.found["place"](j, v)
+    def _step(self, j: FloatArray, v: FloatArray) -> None:
+        """Take a step; Genesis keeps the mass matrix and accelerations at its start."""
+        self.found["set_state"](j, v)
         self.found["scene"].step()
-        dofs = self.found["DOFS"]
-        return self._told("mass_mat")[np.ix_(dofs, dofs)], self._told("dofs_acc", dofs)
 
     def mass_matrix(self, j: FloatArray) -> FloatArray:
         """Mass matrix of the joint coordinates."""
-        return self._stepped(j, np.zeros_like(j))[0]
+        self._step(j, np.zeros_like(j))
+        return self._told("mass_mat")
 
     def bias(self, j: FloatArray, v: FloatArray) -> FloatArray:
         """Bias forces, from the accelerations."""
-        mass, accelerations = self._stepped(j, v)
-        return -mass @ accelerations
+        self._step(j, v)
+        return -self._told("mass_mat") @ self._told("dofs_acc")
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
         """Centre of mass of each body in the world [m]."""
-        self.found["place"](j, np.zeros_like(j))
-        told = self._told("links_pos", self.links, ref=self.found["gs"].link_ref_frame.link_COM)
-        return dict(zip(self.found["LINKS"], told[:, [0, 2]], strict=True))
+        self.found["set_state"](j, np.zeros_like(j))
+        told = self._told("links_pos", ref=self.found["gs"].link_ref_frame.link_COM)
+        return {name: told[k, [0, 2]] for name, k in self.found["LINKS"].items()}
 
     def total_mass(self) -> float:
         """Mass of all bodies [kg]."""
         return float(self._told("links_mass").sum())
-
-    def inspection(self, states: Sequence[State], precision: str) -> Inspection:
-        """Dynamics in each state; stops and loops are held by multipliers."""
-        numbers = np.finfo(np.float32 if precision == "32" else np.float64)
-        return replace(TreeMotion(self).inspect(states), roundoff=float(numbers.eps / 2))
