@@ -68,7 +68,7 @@ def with_carriers(mechanism: Mechanism) -> Mechanism:
         bodies[slot.child] = child.model_copy(update=update)
         bodies[name] = Body(name=name, mass=CARRIED * child.mass, centre=origin, inertia=0.0)
         slide = {"name": name, "child": name, "child_point": origin, "coordinate": name}
-        joints[name] = elements.PrismaticJoint(**{**slot.model_dump(exclude={"kind"}), **slide})
+        joints[name] = elements.PrismaticJoint(**slot.model_dump(exclude={"kind"}) | slide)
         pin = {"parent": name, "parent_point": origin, "child_point": slot.child_point}
         joints[slot.name] = elements.PinJoint(name=slot.name, child=slot.child, **pin)
     parts = {"bodies": tuple(bodies.values()), "joints": tuple(joints.values())}
@@ -119,6 +119,7 @@ class Plan:
         names, given = mjcf_names(model), mechanism.model_copy(update=self.given)
         written = Variant(numerics=Numerics(solimp=options.solimp), sensors=False)
         definitions, forces = program(given)
+        origins = {body.name: joint.child_point for body, joint in self.to.links}
         return filled_template(
             __name__,
             "alone.py.j2",
@@ -128,7 +129,7 @@ class Plan:
             mjcf=mjcf(model, variant=written),
             links={body.name: names[body.name] for body in mechanism.bodies},
             markers=[
-                (each.name, each.body, complex(*each.point) - self.origin(each.body))
+                (each.name, each.body, complex(*np.subtract(each.point, origins[each.body])))
                 for each in mechanism.markers
             ],
             steps=whole_steps(problem.duration, options.timestep),
@@ -138,10 +139,6 @@ class Plan:
             definitions=definitions,
             forces=forces,
         )
-
-    def origin(self, body: str) -> complex:
-        """Point of a body where the frame of its link begins, in the body's frame [m]."""
-        return complex(*self.mechanism.joint_of(body).child_point)
 
     def executed(self) -> dict[str, Any]:
         """Names of the program, after it."""
