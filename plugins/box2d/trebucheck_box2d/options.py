@@ -8,6 +8,7 @@ from pydantic import Field
 from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import EngineOptions
 from trebucheck.models.spec import NonNegative
+from trebucheck_toolkit.kept_limits import KeepLimits
 
 
 class Box2DOptions(EngineOptions):
@@ -28,9 +29,5 @@ class Box2DOptions(EngineOptions):
         description="by how much limits lie beyond the stops [rad]: Box2D tolerates up to 2 "
         "degrees, and a limit is active only where the angle is not short of it by rounding",
     )
-    keep_limits: bool = Field(
-        default=False,
-        description="keep the limit of every stop for the whole run, whatever the law: otherwise a "
-        "stop that releases for good is taken out where its limit no longer pushes",
-    )
+    keep_limits: KeepLimits = False
     least_inertia: LeastInertia = 1e-3

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import dartpy
 import numpy as np
-from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.study import filled_template
 from trebucheck.models import elements
@@ -163,7 +163,7 @@ def run_alone(problem: Problem, options: DartEngine) -> Recording:
     seen = reader.observations(j, v, rates)
     reactions = reader.reactions(q, u)
     energies = reader.applied.potential_energy(q)
-    samples, events = Samples(problem), ContactEvents(mechanism, "dart")
+    samples = Samples(problem)
     for k, time in enumerate(times):
         observation = replace(
             seen[k],
@@ -171,13 +171,7 @@ def run_alone(problem: Problem, options: DartEngine) -> Recording:
             reactions={name: force[k] for name, force in reactions.items()},
         )
         samples.add(float(time), (q[k], u[k]), reader.torques[k], observation)
-    samples.steps = steps
-    efforts = {
-        stop.name: np.array([torques[stop.name] for torques in reader.torques])
-        for stop in mechanism.stops
-    }
-    note_own_releases(events, times, efforts)
-    return samples.recording(events)
+    return samples.own_recording("dart")
 
 
 class _Reader:

@@ -20,7 +20,7 @@ from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.study import filled_template
 from trebucheck.models import elements
@@ -186,7 +186,7 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     q, u = to.mechanism_positions(j), to.mechanism_speeds(v)
     pins = reader.forces_of_pins(q, u, [observation for _, observation in seen])
     given = reader.applied.potential_energy(q)
-    samples, events = Samples(problem), ContactEvents(mechanism, "drake")
+    samples = Samples(problem)
     for k, time in enumerate(times):
         contacts, observation = seen[k]
         observation = replace(
@@ -195,13 +195,7 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
             reactions={**observation.reactions, **{name: force[k] for name, force in pins.items()}},
         )
         samples.add(float(time), (q[k], u[k]), contacts, observation)
-    samples.steps = steps
-    efforts = {
-        stop.name: np.array([contacts[stop.name] for contacts, _ in seen])
-        for stop in mechanism.stops
-    }
-    note_own_releases(events, times, efforts)
-    return samples.recording(events)
+    return samples.own_recording("drake")
 
 
 class _Reader:

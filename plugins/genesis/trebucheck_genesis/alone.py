@@ -1,110 +1,199 @@
-"""Genesis's run, which is the program of :class:`.build.Model`, and what is read of it."""
+"""A problem as the program that Genesis runs, with its MJCF model, and what is read of it.
+
+The plane is Genesis's x-z plane, and a hinge about `0 1 0` is positive clockwise. The model is the
+tree of joints and its loops, as trebucheck's writer has them. A joint reads zero at the start; one
+with a spring reads zero at its rest angle, as Genesis's joint springs do.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from trebucheck.engines.events import ContactEvents, note_own_releases
-from trebucheck.engines.inspection import Inspection
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import timed_reading
+from trebucheck.engines.study import filled_template
+from trebucheck.models import elements
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.kinematics import Kinematics
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
-from trebucheck.models.trajectory import PointMotion
-from trebucheck_toolkit.joint_coordinates import JointCoordinates
-from trebucheck_toolkit.joint_tree import TreeMotion
-
-from .build import Model
+from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.kinematics import Kinematics, initial_state
+from trebucheck.models.mechanism import Body, Mechanism
+from trebucheck.models.mjcf.variants import MassProperties, Numerics, Variant
+from trebucheck.models.mjcf.writer import mjcf, mjcf_names
+from trebucheck.models.problem import Problem, StopLaw
+from trebucheck_toolkit.event_driver import Observation, Samples
+from trebucheck_toolkit.given_forces import program, springs_of_joints
+from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
+from trebucheck_toolkit.joint_tree import JointLimits
+from trebucheck_toolkit.mujoco_models import tree_of
+from trebucheck_toolkit.node_scene import lawful_stops
 
 if TYPE_CHECKING:
     from .engine import GenesisEngine
 
+CARRIED = 0.1
+"""Part of a body's mass on the carrier of a slot that closes a loop."""
+_NEEDS_CARRIER: elements.ElementTable[bool] = elements.ElementTable(
+    "genesis",
+    elements.JOINTS,
+    {elements.PinJoint: False, elements.SlotJoint: True},
+    others="our adapter closes loops by Genesis's `connect` alone",
+)
 
-def run(problem: Problem, options: GenesisEngine) -> Recording:
-    """Run the program, and read what it has noted.
+
+def with_carriers(mechanism: Mechanism) -> Mechanism:
+    """A mechanism with a carrier on a slide in each slot that closes a loop, pinned to the child.
+
+    The slides of the carriers are the last coordinates.
 
     Raises:
-        UnsupportedProblemError: the adapter does not build a part of the mechanism.
+        UnsupportedProblemError: a loop is closed by neither a pin nor a slot, or a slot closes it
+            on a body that no mass can be taken from.
     """
-    model, found = Model(problem), dict[str, Any]()
-    exec(model.program(options), found)
-    with timed_reading():
-        mechanism, t, q = problem.mechanism, found["t"], found["q"]
-        seen, torques = np.array(found["looks"])[: len(t)], np.array(found["torques"]).T
-        of_stops = dict(zip(model.stops, torques, strict=True))
-        of_stops |= {  # the others are none under a release-once law
-            stop.name: np.zeros(len(t)) for stop in mechanism.stops if stop.name not in of_stops
-        }
-        events = ContactEvents(mechanism, "genesis")
-        note_own_releases(events, t, of_stops)
-        of_given = AppliedForces(Kinematics(model.pushed)).potential_energy(q)
-        return Recording(
-            t=t,
-            q=q,
-            u=found["u"],
-            markers={
-                marker.name: PointMotion(*(_vectors(seen[:, k + n]) for n in range(2)))
-                for k, marker in zip(range(2, seen.shape[1], 2), mechanism.markers, strict=True)
-            },
-            kinetic_energy=seen[:, 0].real,
-            potential_energy=seen[:, 1].real + of_given,
-            stop_torques=of_stops,
-            release_times=events.releases,
-            steps=len(t) - 1,
+    slots = [joint for joint in mechanism.loop_joints if _NEEDS_CARRIER[joint]]
+    bodies = {body.name: body for body in mechanism.bodies}
+    joints: dict[str, elements.AnyJoint] = {joint.name: joint for joint in mechanism.joints}
+    for slot in slots:
+        child, name, origin = bodies[slot.child], f"{slot.name} carrier", (0.0, 0.0)
+        whole = MassProperties(child.mass, complex(*child.centre), child.inertia)
+        left = whole.with_mass_at(complex(*slot.child_point), -CARRIED * child.mass)
+        if left.inertia < 0:
+            raise UnsupportedProblemError(
+                f"our adapter takes the mass of the carrier in {slot.name!r}, which no engine of "
+                f"MJCF moves without, from {slot.child!r}, and that has too little inertia."
+            )
+        update = vars(left) | {"centre": (left.centre.real, left.centre.imag)}
+        bodies[slot.child] = child.model_copy(update=update)
+        bodies[name] = Body(name=name, mass=CARRIED * child.mass, centre=origin, inertia=0.0)
+        slide = {"name": name, "child": name, "child_point": origin, "coordinate": name}
+        joints[name] = elements.PrismaticJoint(**slot.model_dump(exclude={"kind"}) | slide)
+        pin = {"parent": name, "parent_point": origin, "child_point": slot.child_point}
+        joints[slot.name] = elements.PinJoint(name=slot.name, child=slot.child, **pin)
+    parts = {"bodies": tuple(bodies.values()), "joints": tuple(joints.values())}
+    carried = mechanism.model_copy(update=parts)
+    kinematics, known = Kinematics(carried), len(mechanism.coordinates)
+    q, u = (np.pad(each, (0, len(slots))) for each in initial_state(mechanism))
+    if slots:  # their places and speeds close the loops
+        held = kinematics.loop_jacobian(q)[:, known:]
+        q[known:] = np.linalg.lstsq(held, -kinematics.loop_residual(q))[0]
+        held = kinematics.loop_jacobian(q)
+        u[known:] = np.linalg.lstsq(held[:, known:], -held @ u)[0]
+    return carried.model_copy(
+        update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
+    )
+
+
+class Plan:
+    """What Genesis is given of a problem.
+
+    Raises:
+        UnsupportedProblemError: a stop is on no joint, or as :func:`with_carriers`.
+    """
+
+    def __init__(self, problem: Problem, options: GenesisEngine) -> None:
+        self.problem, self.options = problem, options
+        self.mechanism = with_carriers(problem.mechanism)
+        self.to = JointCoordinates(self.mechanism)
+        q, u = initial_state(self.mechanism)
+        self.start, self.speeds = self.to.positions(q), self.to.speeds(u)
+        springs = springs_of_joints(self.to)
+        self.springs = dict(springs.values())
+        self.zeros = self.start.copy()
+        """Joint coordinates where Genesis's read zero."""
+        for index, (_, rest, _) in self.springs.items():
+            self.zeros[index] = rest
+        given = [each for each in self.mechanism.force_elements if each.name not in springs]
+        self.given = {"force_elements": tuple(given)}
+        """Springs and loads that are given as forces before each step."""
+        limits = JointLimits(self.to, "genesis").limits
+        self.stops = {stop.name: limits[stop.name] for stop in lawful_stops(problem)}
+
+    def program(self) -> str:
+        """The run as a program with nothing but Genesis and NumPy."""
+        mechanism, options, problem = self.mechanism, self.options, self.problem
+        zeros = {"start": tuple(self.to.mechanism_positions(self.zeros).tolist())}
+        without = {"stops": (), "force_elements": ()}  # the program sets limits and springs
+        model = mechanism.model_copy(update=zeros | without)
+        names, given = mjcf_names(model), mechanism.model_copy(update=self.given)
+        written = Variant(numerics=Numerics(solimp=options.solimp), sensors=False)
+        definitions, forces = program(given)
+        origins = {body.name: joint.child_point for body, joint in self.to.links}
+        return filled_template(
+            __name__,
+            "alone.py.j2",
+            plan=self,
+            options=options,
+            own=options.default_options,
+            mjcf=mjcf(model, variant=written),
+            links={body.name: names[body.name] for body in mechanism.bodies},
+            markers=[
+                (each.name, each.body, complex(*np.subtract(each.point, origins[each.body])))
+                for each in mechanism.markers
+            ],
+            steps=whole_steps(problem.duration, options.timestep),
+            known=len(problem.mechanism.coordinates),
+            ranges=Limit.ranges(self.stops.values()),
+            drops=problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits,
+            definitions=definitions,
+            forces=forces,
         )
 
+    def executed(self) -> dict[str, Any]:
+        """Names of the program, after it."""
+        found = dict[str, Any]()
+        exec(self.program(), found)
+        return found
 
-def _vectors(points: FloatArray) -> FloatArray:
-    return np.stack([points.real, points.imag], axis=-1)
+    def run(self) -> Recording:
+        """Run the program, and read what it has noted."""
+        found, samples = self.executed(), Samples(self.problem)
+        with timed_reading():
+            pushed = self.problem.mechanism.model_copy(update=self.given)
+            energies = AppliedForces(Kinematics(pushed)).potential_energy(found["q"])
+            noted = (found[name] for name in ("t", "q", "u", "torques", "looks"))
+            for t, q, u, torques, look, energy in zip(*noted, energies, strict=True):
+                kinetic, potential, points = look
+                stops = dict(zip(self.stops, torques, strict=True))
+                samples.add(
+                    float(t), (q, u), stops, Observation(points, kinetic, potential + energy)
+                )
+            return samples.own_recording("genesis")
 
 
 class Tree:
     """Genesis's dynamics of the tree, without its limits, loops and springs."""
 
     def __init__(self, mechanism: Mechanism, options: GenesisEngine) -> None:
-        self.coordinates, self.found = JointCoordinates(mechanism), dict[str, Any]()
-        parts = {"stops": (), "force_elements": (), "joints": mechanism.tree_joints}
-        problem = Problem(mechanism.model_copy(update=parts), duration=options.timestep)
-        exec(Model(problem).program(options), self.found)
-
-    def _step_from(self, j: FloatArray, v: FloatArray) -> None:
-        """Take a step; Genesis keeps the mass matrix and accelerations at its start."""
-        entity, dofs = self.found["entity"], self.found["DOFS"]
-        entity.set_qpos(j - self.found["ZEROS"], qs_idx_local=dofs)
-        entity.set_dofs_velocity(v, dofs)
-        self.found["scene"].step()
+        plan = Plan(Problem(tree_of(mechanism), duration=options.timestep), options)
+        self.coordinates, self.found = JointCoordinates(mechanism), plan.executed()
 
     def _told(self, name: str, **given: Any) -> FloatArray:
         told = getattr(self.found["entity"], f"get_{name}")(**given)
         return np.asarray(self.found["array"](told))
 
+    def _step(self, j: FloatArray, v: FloatArray) -> None:
+        """Take a step; Genesis keeps the mass matrix and accelerations at its start."""
+        self.found["set_state"](j, v)
+        self.found["scene"].step()
+
     def mass_matrix(self, j: FloatArray) -> FloatArray:
         """Mass matrix of the joint coordinates."""
-        self._step_from(j, np.zeros_like(j))
-        return self._told("mass_mat")[np.ix_(self.found["DOFS"], self.found["DOFS"])]
+        self._step(j, np.zeros_like(j))
+        return self._told("mass_mat")
 
     def bias(self, j: FloatArray, v: FloatArray) -> FloatArray:
         """Bias forces, from the accelerations."""
-        mass = self.mass_matrix(j)
-        self._step_from(j, v)
-        return -mass @ self._told("dofs_acc")[self.found["DOFS"]]
+        self._step(j, v)
+        return -self._told("mass_mat") @ self._told("dofs_acc")
 
     def centres(self, j: FloatArray) -> dict[str, FloatArray]:
         """Centre of mass of each body in the world [m]."""
-        self.found["entity"].set_qpos(j - self.found["ZEROS"], qs_idx_local=self.found["DOFS"])
+        self.found["set_state"](j, np.zeros_like(j))
         told = self._told("links_pos", ref=self.found["gs"].link_ref_frame.link_COM)
-        return dict(zip(self.found["names"], told[:, [0, 2]], strict=True))
+        return {name: told[k, [0, 2]] for name, k in self.found["LINKS"].items()}
 
     def total_mass(self) -> float:
         """Mass of all bodies [kg]."""
         return float(self._told("links_mass").sum())
-
-    def inspection(self, states: Any, precision: str) -> Inspection:
-        """Dynamics in each state; stops and loops are held by multipliers."""
-        numbers = np.finfo(np.float32 if precision == "32" else np.float64)
-        return replace(TreeMotion(self).inspect(states), roundoff=float(numbers.eps / 2))

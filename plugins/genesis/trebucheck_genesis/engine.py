@@ -14,7 +14,10 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.joint_tree import TreeMotion
+from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 
+from .alone import Plan, Tree
 from .study import STUDY
 
 
@@ -54,15 +57,7 @@ class GenesisEngine(BuiltinEngine):
         "default_armature": 0.1,
     }
     settings_options: ClassVar[Mapping[str, object] | None] = {"keep_limits": True}
-    assistance: ClassVar[tuple[Assistance, ...] | None] = (
-        Assistance(
-            Part.EVENTS,
-            "takes the limits of stops that are open for good out of the model",
-            "keep_limits",
-            off=True,
-            acts_on=lambda mechanism: bool(mechanism.stops),
-        ),
-    )
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (LIMITS_TAKEN_OUT,)
     readings: ClassVar[Supplied] = {
         Part.ELEMENTS: "forces of loads and of springs on no joint, given before each step",
         Part.MODEL: "a slot that closes a loop is a slide of a carrier, with a tenth of the mass "
@@ -86,24 +81,16 @@ class GenesisEngine(BuiltinEngine):
         ge=0.0,
         description="rotor inertia that Genesis adds to every joint of an MJCF file [kg m^2, kg]",
     )
-    keep_limits: bool = Field(
-        default=False,
-        description="keep the limit of every stop for the whole run, whatever the law",
-    )
+    keep_limits: KeepLimits = False
 
     def _run(self, problem: Problem) -> Recording:
-        from .alone import run
-
-        return run(problem, self)
+        return Plan(problem, self).run()
 
     def _script(self, problem: Problem) -> str:
-        from .build import Model
-
-        return Model(problem).program(self)
+        return Plan(problem, self).program()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Mass matrix and accelerations that Genesis computes for the model in each state."""
         self.refuse_absence()
-        from .alone import Tree
-
-        return Tree(mechanism, self).inspection(states, self.precision)
+        roundoff = 2.0**-24 if self.precision == "32" else 2.0**-53
+        return TreeMotion(Tree(mechanism, self)).inspect(states, roundoff)

@@ -15,8 +15,7 @@ from trebucheck.engines.study import (
     StepOrder,
     time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
 
 
@@ -38,12 +37,6 @@ def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
     )
 
 
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Genesis in Python": engine.script(Problem(mechanism, duration=duration))}
-
-
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={
@@ -57,7 +50,7 @@ STUDY = EngineStudy(
     },
     tolerances=(*euler_tolerances(SETTINGS), *euler_tolerances(ASSISTED)),
     single_precision=lambda settings: settings["precision"] == "32",
-    snippets=_snippets,
+    snippets=own_program("Genesis in Python"),
     title="Genesis",
     binding="the Python wheel `genesis-world`, on the processor",
     maintainers_note=MaintainersNote(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import newton
 import numpy as np
-from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.point_masses import NoPointMasses
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import read_each_step, timed_reading
@@ -257,7 +257,7 @@ def _recording(
 ) -> Recording:
     """The readings of a run as the engines' common record."""
     springs = AppliedForces(Kinematics(problem.mechanism))
-    samples, events = Samples(problem), ContactEvents(problem.mechanism, "newton")
+    samples = Samples(problem)
     times: FloatArray = alone.options.timestep * np.arange(len(seen), dtype=np.float64)
     extra = 0.0 if alone.massive is None else alone.massive.extra_potential_energy
     if alone.massive is not None:
@@ -267,11 +267,7 @@ def _recording(
         potential = seen[k].potential_energy - extra + float(springs.potential_energy(q))
         shown = replace(seen[k], potential_energy=potential, reactions=forces[k])
         samples.add(time, (q, u), torques[k], shown)
-    samples.steps = len(seen) - 1
-    stops = [stop.name for stop in problem.mechanism.stops]
-    efforts = {name: np.array([each.get(name, 0.0) for each in torques]) for name in stops}
-    note_own_releases(events, times, efforts)
-    return samples.recording(events)
+    return samples.own_recording("newton")
 
 
 def _unspread(

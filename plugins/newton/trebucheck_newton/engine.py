@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
@@ -143,8 +141,7 @@ class NewtonEngine(BuiltinEngine):
         """Mass matrix, forces and accelerations of the articulation, in single precision."""
         self.refuse_absence()
         _quieten()
-        found = TreeMotion(self._tree(mechanism)).inspect(states)
-        return replace(found, roundoff=float(np.finfo(np.float32).eps / 2))
+        return TreeMotion(self._tree(mechanism)).inspect(states, roundoff=2.0**-24)
 
 
 def _quieten() -> None:

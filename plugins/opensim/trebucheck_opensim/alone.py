@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import opensim as osim
-from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import timed_reading
 from trebucheck.engines.study import filled_template
@@ -244,7 +244,7 @@ def _recording(
     """Read the model in the states of a run."""
     built, reader = alone.built, Reader(alone.built)
     springs = AppliedForces(Kinematics(problem.mechanism))
-    samples, events = Samples(problem), ContactEvents(problem.mechanism, "opensim")
+    samples = Samples(problem)
     torques = {stop.name: np.zeros(len(times)) for stop in problem.mechanism.stops}
     for k, time in enumerate(times.tolist()):
         alone.place(q[k], u[k])
@@ -259,9 +259,7 @@ def _recording(
         )
         contacts = {name: float(torque[k]) for name, torque in torques.items()}
         samples.add(time, (q[k], u[k]), contacts, observed)
-    samples.steps = len(times) - 1
-    note_own_releases(events, times, torques)
-    return samples.recording(events)
+    return samples.own_recording("opensim")
 
 
 def _weight(built: Built, seen: Observation, reader: Reader) -> float:

@@ -13,6 +13,7 @@ from trebucheck.engines.supplied import Assistance, Part, Supplied
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
+from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT
 from trebucheck_toolkit.node_samples import NodeSamples, sample_times
 from trebucheck_toolkit.node_scene import Json, NodeScene
 
@@ -83,13 +84,7 @@ class PlanckEngine(PlanckOptions, BuiltinEngine):
             off=False,
             acts_on=_has_stops,
         ),
-        Assistance(
-            Part.EVENTS,
-            "takes the limits of stops that are open for good out of the model",
-            "keep_limits",
-            off=True,
-            acts_on=_has_stops,
-        ),
+        LIMITS_TAKEN_OUT,
         Assistance(
             Part.MODEL,
             "moves mass along pins to bodies of little inertia",

@@ -10,6 +10,7 @@ from pydantic import Field
 from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import EngineOptions
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.kept_limits import KeepLimits
 
 OWN_SLOPS: Mapping[str, float] = {"linearSlop": 5e-3, "angularSlop": 2.0 / 180.0 * math.pi}
 """planck.js's own settings."""
@@ -44,11 +45,7 @@ class PlanckOptions(EngineOptions):
         description="whether a stop that pushes is held from both sides until it would pull: the "
         "correction of pins turns bodies, and opens a limit that holds from one side",
     )
-    keep_limits: bool = Field(
-        default=False,
-        description="keep the limit of every stop for the whole run, whatever the law: otherwise a "
-        "stop that releases for good is taken out where its limit no longer pushes",
-    )
+    keep_limits: KeepLimits = False
     least_inertia: LeastInertia = 1e-3
     fit_steps: bool = Field(
         default=True,

@@ -14,11 +14,11 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT
 
 from .study import STUDY
 
 _FASTER = "lets the world's time run faster, in which the joints' 60 Hz are stiffer"
-_TAKEN_OUT = "takes the limits of stops that are open for good out of the model"
 
 
 class Box2D3Engine(BuiltinEngine):
@@ -49,9 +49,7 @@ class Box2D3Engine(BuiltinEngine):
     }
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(Part.UNITS, _FASTER, "world_step", off=None),
-        Assistance(
-            Part.EVENTS, _TAKEN_OUT, "keep_limits", off=True, acts_on=lambda made: bool(made.stops)
-        ),
+        LIMITS_TAKEN_OUT,
     )
     readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 

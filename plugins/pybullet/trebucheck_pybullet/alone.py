@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pybullet
-from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.events import whole_steps
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.study import filled_template
 from trebucheck.models import elements
@@ -209,13 +209,11 @@ def run_alone(problem: Problem, options: PyBulletEngine) -> Recording:
     j, v = (np.array(values) for values in zip(*states, strict=True))
     q, u = alone.to.mechanism_positions(j), alone.to.mechanism_speeds(v)
     efforts = reader.efforts(q, alone.state()[1])
-    samples, events = Samples(problem), ContactEvents(mechanism, "pybullet")
+    samples = Samples(problem)
     for k, time in enumerate(times):
         contacts = {name: float(effort[k]) for name, effort in efforts.items()}
         samples.add(float(time), (q[k], u[k]), contacts, reader.observation(k, (q[k], u[k])))
-    samples.steps = steps
-    note_own_releases(events, times, efforts)
-    return samples.recording(events)
+    return samples.own_recording("pybullet")
 
 
 class _Reader:

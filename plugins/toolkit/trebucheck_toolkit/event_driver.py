@@ -7,7 +7,7 @@ that of :mod:`trebucheck.engines.events`. States are in the mechanism's coordina
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +17,7 @@ from trebucheck.engines.events import (
     RestitutionRule,
     SteppedMotion,
     impact_by_rule,
+    note_own_releases,
     root_in,
 )
 from trebucheck.engines.impact import Contacts, Inertia, active_contacts, resting
@@ -109,6 +110,14 @@ class Samples:
             impacts=tuple(events.impacts),
             steps=self.steps,
         )
+
+    def own_recording(self, engine: str) -> Recording:
+        """The record of an engine that steps from sample to sample and holds its stops itself."""
+        self.steps = len(self._rows) - 1
+        noted = ContactEvents(self.problem.mechanism, engine)
+        found = self.recording(noted)
+        note_own_releases(noted, found.t, found.stop_torques)
+        return replace(found, release_times=noted.releases)
 
 
 class HeldSteps(SteppedMotion[State]):

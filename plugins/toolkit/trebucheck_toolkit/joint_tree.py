@@ -119,8 +119,8 @@ class TreeMotion(ConstrainedDynamics):
         seen = without_others(seen, self.applied, (q, u), self.forces_on_bodies(q, u, solved))
         return replace(seen, reactions=dict(seen.reactions) | dict(solved.loops))
 
-    def inspect(self, states: Sequence[Asked]) -> Inspection:
-        """Inspect the built tree in each state."""
+    def inspect(self, states: Sequence[Asked], roundoff: float = 2.0**-53) -> Inspection:
+        """Inspect the built tree in each state; the unit roundoff is that of its numbers."""
         q, u = initial_state(self.mechanism)
         to = self.tree.coordinates
         return Inspection(
@@ -128,6 +128,7 @@ class TreeMotion(ConstrainedDynamics):
             start_speeds=to.mechanism_speeds(to.speeds(u)),
             dynamics=tuple(self._dynamics(state) for state in states),
             total_mass=self.tree.total_mass(),
+            roundoff=roundoff,
         )
 
     def _dynamics(self, state: Asked) -> Dynamics:
