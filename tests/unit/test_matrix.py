@@ -586,7 +586,7 @@ NOTES = {
     path: next(
         {key.arg: ast.literal_eval(key.value) for key in node.keywords if key.arg}
         for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "MaintainersNote"
+        if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("MaintainersNote")
     )
     for path in (
         *sorted((ROOT / "plugins").glob("*/trebucheck_*/study.py")),
