@@ -39,7 +39,7 @@ def keep_compiled() -> None:
 
     Compiling is most of a run's time; what is taken from there is the same program.
     """
-    import jax
+    import jax  # pyright: ignore[reportMissingImports]  # installed where this is called
 
     if jax.config.jax_compilation_cache_dir is None:
         caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
