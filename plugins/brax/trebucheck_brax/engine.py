@@ -98,7 +98,7 @@ class BraxEngine(BuiltinEngine):
     constraint_limit_stiffness: Positive = Field(default=1e3, description="spring: [N m/rad]")
     constraint_vel_damping: NonNegative = Field(default=0.0, description="spring: [N s/m]")
     mass_unit: Literal["machine", "kg"] = Field(
-        default="machine", description="machine: the greatest inertia that a limit feels"
+        default="machine", description="generalized: kg, or the greatest inertia that a limit feels"
     )
 
     def _plan(self, problem: Problem) -> Any:
