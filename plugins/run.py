@@ -48,10 +48,8 @@ MACHINES: Mapping[str, Batch] = {
 COMPILED = frozenset({"brax", "mjx"})
 """Compiled anew for half a minute at each step: no work and precision of these."""
 SWEPT: Mapping[str, Batch] = {"free-swing": MACHINES["free-swing"], "fixed": Batch(("fixed",))}
-
-
-PROGRAMS = (".cjs", ".mjs", ".j2")
-"""Suffixes of programs for Node.js, and of templates of programs."""
+CODE = (".py", ".cjs", ".mjs", ".j2")
+"""Suffixes of Python, of programs for Node.js, and of templates of programs."""
 
 
 @dataclass
@@ -240,18 +238,16 @@ class Plugin:
 def files(folder: Path) -> list[Path]:
     """Files that decide what runs."""
     return sorted(
-        path
-        for path in folder.rglob("*")
-        if path.suffix in (".py", ".toml", ".txt", ".json", *PROGRAMS)
+        path for path in folder.rglob("*") if path.suffix in (*CODE, ".toml", ".txt", ".json")
     )
 
 
 def core_files(source: Path) -> Iterator[Path]:
     """Files of trebucheck that the results depend on."""
     for folder in ("models", "reference", "engines", "comparisons", "conformance"):
-        yield from (path for path in files(source / folder) if path.suffix in (".py", *PROGRAMS))
+        yield from (path for path in files(source / folder) if path.suffix in CODE)
     toolkit = source / "plugins" / "toolkit" / "trebucheck_toolkit"
-    yield from (path for path in files(toolkit) if path.suffix in (".py", *PROGRAMS))
+    yield from (path for path in files(toolkit) if path.suffix in CODE)
     yield source / "constraints.txt"
 
 

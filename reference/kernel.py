@@ -7,12 +7,10 @@ arrays and Numba a third of the time to compile. Its arguments are the fields of
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
+import numba
 import numpy as np
-
-numba: Any = importlib.import_module("numba")  # it has no type stubs
 
 
 def _compiled(function: Any) -> Any:

@@ -7,7 +7,6 @@ trebucheck.models.mjcf.rolling`.
 
 from __future__ import annotations
 
-import importlib
 import sys
 from importlib.resources import files
 from pathlib import Path
@@ -74,7 +73,8 @@ def as_spec(text: str) -> Any:
         EngineNotInstalledError: MuJoCo is not installed.
     """
     try:
-        mujoco: Any = importlib.import_module("mujoco")  # it has no types
+        import mujoco as untyped
     except ImportError as error:
         raise EngineNotInstalledError(f"an MjSpec needs MuJoCo: {error}") from error
+    mujoco: Any = untyped
     return mujoco.MjSpec.from_string(text)

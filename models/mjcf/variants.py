@@ -21,7 +21,6 @@ stages of RK4 differ in the two sets of coordinates, some 1e-6 m at a step of 1 
 from __future__ import annotations
 
 import copy
-import importlib
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -228,6 +227,13 @@ class Thrown:
         add(custom, "numeric", name=HANDED_OVER, data=self.mass - self.tied.mass)
 
 
+def _mujoco() -> Any:
+    """MuJoCo, which has no types; imported where it is needed, as MJCF is written without it."""
+    import mujoco
+
+    return mujoco
+
+
 def released(model: Any, data: Any) -> Any:
     """Release the projectile of a model written with `throw=True`, and hand over its mass.
 
@@ -238,7 +244,7 @@ def released(model: Any, data: Any) -> Any:
     Returns:
         The model to go on with: the projectile has its mass, and the machine has it no longer.
     """
-    mujoco: Any = importlib.import_module("mujoco")  # it has no types
+    mujoco = _mujoco()
     data.eq_active[model.equality(HOLD).id] = 0
     ball, handed = model.body(PROJECTILE).id, float(model.numeric(HANDED_OVER).data[0])
     carrier, after = int(model.body_parentid[ball]), copy.copy(model)
@@ -270,7 +276,7 @@ def throw(model: Any, data: Any, release_time: float | None = None, longest: flo
     Raises:
         InputError: it has not landed by then.
     """
-    mujoco: Any = importlib.import_module("mujoco")  # it has no types
+    mujoco = _mujoco()
     at = float(model.key("launch").time[0]) if release_time is None else release_time
     while data.time < at:
         mujoco.mj_step(model, data)

@@ -75,7 +75,7 @@ def test_the_defaults_are_braxs_own() -> None:
     ],
 )
 def test_every_element_that_it_builds_converges(name: str, step: float) -> None:
-    """By its scheme's first order, to its half: what is of another order would be a wrong force."""
+    """The order is its scheme's, one, to its half; a wrong force would leave an error."""
     problem = benchmark(name).problem()
     problem = problem.model_copy(update={"duration": min(0.5, problem.duration / 4)})
 

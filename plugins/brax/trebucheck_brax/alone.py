@@ -33,7 +33,7 @@ from trebucheck_toolkit.node_scene import NodeScene, lawful_stops
 
 
 class Plan:
-    """What Brax is given of a problem; all stops are limits, for the whole run.
+    """Parts of a problem that Brax is given; all stops are limits, for the whole run.
 
     Raises:
         UnsupportedProblemError: the mechanism has a part that the adapter builds no element for.

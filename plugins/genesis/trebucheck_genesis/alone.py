@@ -86,7 +86,7 @@ def with_carriers(mechanism: Mechanism) -> Mechanism:
 
 
 class Plan:
-    """What Genesis is given of a problem.
+    """Parts of a problem that Genesis is given.
 
     Raises:
         UnsupportedProblemError: a stop is on no joint, or as :func:`with_carriers`.

@@ -116,7 +116,7 @@ def test_the_force_of_a_hanging_rod_is_its_weight_upwards(preset: str) -> None:
 def test_the_force_of_a_swinging_rod_is_that_of_the_closed_form(
     preset: str, relative: float
 ) -> None:
-    """From level: weight along the rod and centripetal force, 3 terms of one energy balance."""
+    """The rod starts level: weight along the rod and centripetal force, 3 terms of energy."""
     found = tb.engine("pydy", preset).simulate(tb.Problem(_rod(0.0), duration=1.0))
     a, m, d, g = found.q[:, 0], 2.0, 0.5, 9.81
     moment = 0.1 + m * d**2
@@ -137,7 +137,7 @@ def test_the_force_of_a_swinging_rod_is_that_of_the_closed_form(
     ],
 )
 def test_it_builds_every_element(name: str) -> None:
-    """As far as the reference is known, 1e-9; at an impact a force has two values."""
+    """The reference is known to 1e-9; at an impact a force has two values."""
     problem = _short(name)
     position, force = _errors(tb.engine("pydy", timestep=problem.duration / 250).simulate(problem))
     assert position < 1e-9

@@ -54,7 +54,7 @@ class Frames(Protocol):
 
     @property
     def mechanism(self) -> Mechanism:
-        """What is built."""
+        """Mechanism that is built."""
         ...
 
     def place(self, body: str, point: Vector) -> complex:
