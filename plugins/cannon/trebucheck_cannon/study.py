@@ -2,61 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
-    REFINEMENT,
     SETTINGS_SET,
-    Cause,
-    ConstraintKinds,
     EngineStudy,
-    Intervention,
     MaintainersNote,
     StepOrder,
-    time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import caused_by, own_program
 
-
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    return (
-        Cause("damping", "every body loses speed", Intervention({"damping": 0.0})),
-        Cause(
-            "iterations",
-            "the solver ends before the joints hold",
-            Intervention({"iterations": 2000, "tolerance": 1e-12}),
-        ),
-        Cause(
-            "softness",
-            "joints give way like springs, which are set for steps of 1/60 s",
-            Intervention({"stiffness": 1e14, "equation_step": 0.0}),
-        ),
-        Cause(
-            "stops that stay",
-            "the cone of a stop that has opened is met again at its other edge",
-            Intervention({"let_go": True}),
-        ),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"cannon-es in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
+_CAUSES = {
+    "damping": ("every body loses speed", {"damping": 0.0}),
+    "iterations": (
+        "the solver ends before the joints hold",
+        {"iterations": 2000, "tolerance": 1e-12},
+    ),
+    "softness": (
+        "joints give way like springs, which are set for steps of 1/60 s",
+        {"stiffness": 1e14, "equation_step": 0.0},
+    ),
+    "stops that stay": (
+        "the cone of a stop that has opened is met again at its other edge",
+        {"let_go": True},
+    ),
+}
 _SCHEME = "semi-implicit Euler, regularized impulses"
 _REASON = "semi-implicit Euler in Cartesian coordinates"
 STUDY = EngineStudy(
-    causes=_causes,
+    causes=caused_by(_CAUSES),
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("cannon-es in Node.js"),
     title="cannon-es",
     binding="the npm package `cannon-es`, moved by Node.js",
     maintainers_note=MaintainersNote(

@@ -2,74 +2,38 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
-    REFINEMENT,
     SETTINGS_SET,
-    Cause,
-    ConstraintKinds,
     EngineStudy,
-    Intervention,
     MaintainersNote,
     StepOrder,
-    time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import caused_by, own_program
 
-
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    return (
-        Cause(
-            "angular damping",
-            "every body loses angular speed",
-            Intervention({"angular_damping": 0.0}),
-        ),
-        Cause(
-            "stabilization",
-            "bodies slower than 0.1 m/s are braked",
-            Intervention({"stabilization": False}),
-        ),
-        Cause(
-            "speed limits",
-            "bodies go no faster",
-            Intervention({"speed_limit": 1e6, "turning_limit": 1e6}),
-        ),
-        Cause("sleep", "bodies that hardly move are stopped", Intervention({"allow_sleep": False})),
-        Cause(
-            "ideal step",
-            "short steps have fewer substeps, and softer joints",
-            Intervention({"ideal_step": 0.0}),
-        ),
-        Cause(
-            "axes out of the plane",
-            "joints that lock them, too, are of another kind",
-            Intervention({"locks_plane": False}),
-        ),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Havok in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
+_CAUSES = {
+    "angular damping": ("every body loses angular speed", {"angular_damping": 0.0}),
+    "stabilization": ("bodies slower than 0.1 m/s are braked", {"stabilization": False}),
+    "speed limits": ("bodies go no faster", {"speed_limit": 1e6, "turning_limit": 1e6}),
+    "sleep": ("bodies that hardly move are stopped", {"allow_sleep": False}),
+    "ideal step": ("short steps have fewer substeps, and softer joints", {"ideal_step": 0.0}),
+    "axes out of the plane": (
+        "joints that lock them, too, are of another kind",
+        {"locks_plane": False},
+    ),
+}
 _SCHEME = "semi-implicit Euler, impulses"
 _REASON = (
     "semi-implicit Euler in substeps of Cartesian coordinates, down to what masses of eight bits "
     "leave"
 )
 STUDY = EngineStudy(
-    causes=_causes,
+    causes=caused_by(_CAUSES),
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("Havok in Node.js"),
     single_precision=lambda _: True,
     additions=lambda _: 4,
     title="Havok",

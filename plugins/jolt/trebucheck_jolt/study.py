@@ -2,69 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines.presets import PRESETS
 from trebucheck.engines.study import (
     ASSISTED_SET,
     DEFAULT_SET,
-    REFINEMENT,
     SETTINGS_SET,
-    Cause,
-    ConstraintKinds,
     EngineStudy,
-    Intervention,
     MaintainersNote,
     StepOrder,
-    time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import caused_by, own_program
 
-
-def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
-    return (
-        Cause("damping", "every body loses speed", Intervention({"damping": 0.0})),
-        Cause(
-            "speed limits",
-            "faster bodies are slowed down",
-            Intervention({"max_linear_velocity": 1e6, "max_angular_velocity": 1e6}),
-        ),
-        Cause("sleep", "bodies that hardly move are stopped", Intervention({"allow_sleep": False})),
-        Cause(
-            "iterations",
-            "impulses end before the joints hold",
-            Intervention({"first_velocity_steps": 10_000, "velocity_steps": 100}),
-        ),
-        Cause(
-            "gaps",
-            "joints that drift apart are taken back bit by bit",
-            Intervention({"baumgarte": 1.0}),
-        ),
-        Cause(
-            "stops held from one side",
-            "a limit pauses where rounding opens it, and is met again half a turn on",
-            Intervention({"hold": True}),
-        ),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Jolt Physics in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
+_CAUSES = {
+    "damping": ("every body loses speed", {"damping": 0.0}),
+    "speed limits": (
+        "faster bodies are slowed down",
+        {"max_linear_velocity": 1e6, "max_angular_velocity": 1e6},
+    ),
+    "sleep": ("bodies that hardly move are stopped", {"allow_sleep": False}),
+    "iterations": (
+        "impulses end before the joints hold",
+        {"first_velocity_steps": 10_000, "velocity_steps": 100},
+    ),
+    "gaps": ("joints that drift apart are taken back bit by bit", {"baumgarte": 1.0}),
+    "stops held from one side": (
+        "a limit pauses where rounding opens it, and is met again half a turn on",
+        {"hold": True},
+    ),
+}
 _SCHEME = "semi-implicit Euler, impulses"
 _REASON = (
     "semi-implicit Euler in Cartesian coordinates; at short steps the floor of single precision"
 )
 STUDY = EngineStudy(
-    causes=_causes,
+    causes=caused_by(_CAUSES),
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("Jolt Physics in Node.js"),
     single_precision=lambda _: True,
     # Positions are added to once by speeds, and once by each iteration that takes gaps back.
     additions=lambda settings: settings["collision_steps"] * (1 + settings["position_steps"]),

@@ -21,8 +21,7 @@ from trebucheck.engines.study import (
     multiplied,
     time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 
 FINE = 1e6
 """Pixels of a metre with which a pin's error of inertia, one pixel^2, is far below any other."""
@@ -58,12 +57,6 @@ def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
     )
 
 
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"matter-js in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
 _SCHEME = "position-based dynamics of bodies"
 _REASON = "Verlet's step, and corrections of positions after it"
 STUDY = EngineStudy(
@@ -78,7 +71,7 @@ STUDY = EngineStudy(
         Refinement("unit of length", "a tenth of it", multiplied("pixels", 10)),
     ),
     option_sets=(DEFAULT_SET, SETTINGS_SET, ASSISTED_SET),
-    snippets=_snippets,
+    snippets=own_program("matter-js in Node.js"),
     title="matter-js",
     binding="the npm package `matter-js`, moved by Node.js",
     maintainers_note=MaintainersNote(

@@ -11,7 +11,8 @@ from trebucheck.engines.study import (
     MaintainersNote,
     OptionSet,
 )
-from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by, snippets_of
+from trebucheck_toolkit.alone import own_program
+from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by
 from trebucheck_toolkit.scheme_tables import located_tolerances
 
 _PRECISION = Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"}))
@@ -31,7 +32,7 @@ STUDY = EngineStudy(
         *OPTION_SETS[2:],
     ),
     tolerances=located_tolerances(),
-    snippets=snippets_of("MJX in Python"),
+    snippets=own_program("MJX in Python"),
     title="MJX",
     binding="the Python wheel `mujoco-mjx`",
     maintainers_note=MaintainersNote(

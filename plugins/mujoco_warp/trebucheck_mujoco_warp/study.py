@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from trebucheck.engines.study import EngineStudy, MaintainersNote
-from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by, snippets_of
+from trebucheck_toolkit.alone import own_program
+from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by
 
 LEAST_TOLERANCE = 1e-6
 """Least tolerance of the solver that `put_model` takes."""
@@ -13,7 +14,7 @@ STUDY = EngineStudy(
     step_orders=ORDERS,
     option_sets=OPTION_SETS,
     single_precision=lambda _: True,
-    snippets=snippets_of("MuJoCo Warp in Python"),
+    snippets=own_program("MuJoCo Warp in Python"),
     title="MuJoCo Warp",
     binding="the Python wheel `mujoco-warp`, on the processor",
     maintainers_note=MaintainersNote(

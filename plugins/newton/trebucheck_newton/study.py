@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.engines.study import (
     ASSISTED_SET,
@@ -15,8 +13,7 @@ from trebucheck.engines.study import (
     StepOrder,
     Tolerance,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 
 PYTHON = "Newton in Python"
 _FLOOR = StepOrder(
@@ -24,12 +21,6 @@ _FLOOR = StepOrder(
     "MuJoCo's RK4 between states of single precision, whose floor it is at",
     "RK4, joint coordinates",
 )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
 
 
 STUDY = EngineStudy(
@@ -65,7 +56,7 @@ STUDY = EngineStudy(
             "at a step's end, of limits that have settled in 0.1 s",
         ),
     ),
-    snippets=_snippets,
+    snippets=own_program(PYTHON),
     title="Newton",
     binding="the Python wheel `newton`, on the processor",
     maintainers_note=MaintainersNote(

@@ -22,8 +22,7 @@ from trebucheck.engines.study import (
     time_step_cause,
     with_readout,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 from trebucheck_toolkit.scheme_tables import error_controlled, located_tolerances
 
 PYTHON = "OpenSim in Python"
@@ -47,12 +46,6 @@ def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
         accuracy,
         step,
     )
-
-
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {PYTHON: engine.script(Problem(mechanism, duration=duration))}
 
 
 STUDY = EngineStudy(
@@ -86,7 +79,7 @@ STUDY = EngineStudy(
         4,
         "error-controlled Runge-Kutta-Merson of order 4, at most 1 ms a step, an accuracy of 1e-11",
     ),
-    snippets=_snippets,
+    snippets=own_program(PYTHON),
     title="OpenSim",
     binding="the Python wheel `opensim`, with its own build of Simbody",
     maintainers_note=MaintainersNote(

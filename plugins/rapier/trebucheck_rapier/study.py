@@ -21,8 +21,7 @@ from trebucheck.engines.study import (
     StepOrder,
     time_step_cause,
 )
-from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem
+from trebucheck_toolkit.alone import own_program
 
 
 def _causes(settings: Any, _: ConstraintKinds) -> tuple[Cause, ...]:
@@ -53,12 +52,6 @@ def _lighter_carriages(settings: Options, _: ConstraintKinds) -> dict[str, Any] 
     return None if carriage is None else {"carriage": 0.1 * carriage}
 
 
-def _snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-    if engine.assisted_by:
-        return {}
-    return {"Rapier in Node.js": engine.script(Problem(mechanism, duration=duration))}
-
-
 _SCHEME = "semi-implicit Euler, impulses"
 _REASON = (
     "semi-implicit Euler in substeps of Cartesian coordinates; at short steps the floor of single "
@@ -67,7 +60,7 @@ _REASON = (
 STUDY = EngineStudy(
     causes=_causes,
     step_orders={preset: StepOrder(1.0, _REASON, _SCHEME) for preset in PRESETS},
-    snippets=_snippets,
+    snippets=own_program("Rapier in Node.js"),
     refinements=(
         HALF_THE_STEP,
         Refinement("mass in slots", "a tenth of it", _lighter_carriages),

@@ -485,17 +485,6 @@ def causes_by(
     return causes
 
 
-def snippets_of(title: str) -> Callable[[Any, Mechanism, float], dict[str, str]]:
-    """The program of an engine by itself, under a title."""
-
-    def snippets(engine: Any, mechanism: Mechanism, duration: float) -> dict[str, str]:
-        if engine.assisted_by:
-            return {}
-        return {title: engine.script(Problem(mechanism, duration=duration))}
-
-    return snippets
-
-
 def program(module: str, problem: Problem, options: MujocoOptions, **values: JsonValue) -> str:
     """The run of an engine by itself, by the template `alone.py.j2` beside a module of its own.
 
