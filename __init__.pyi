@@ -22,6 +22,8 @@ from .models.controls import ControlRecord
 from .models.elements import (
     ConstantForce,
     ConstantTorque,
+    Coupler,
+    CouplerTerm,
     CubicTorsionSpring,
     FreeJoint,
     PinJoint,
@@ -75,6 +77,8 @@ __all__ = [
     "CatapultParameters",
     "ConstantForce",
     "ConstantTorque",
+    "Coupler",
+    "CouplerTerm",
     "ControlRecord",
     "CubicTorsionSpring",
     "Engine",

@@ -240,8 +240,8 @@ def _linear(solution: Solution, end: float, bits: int, sizes: FloatArray) -> _Li
     """Growth by the variational equations (:mod:`..reference.sensitivity.tangent`)."""
     mechanism = solution.problem.mechanism
     values, n_q = np.concatenate(initial_state(mechanism)), len(sizes)
-    if mechanism.loop_joints:
-        return _Linear((), None, "loops bind the values of the start to each other")
+    if mechanism.bound_by:
+        return _Linear((), None, "loops or couplers bind the values of the start to each other")
     signs = tuple(1.0 for _ in values)
     described = {number.name: number.direction for number in physical_numbers(mechanism)[0]}
     names = [f"start angle {name}" for name in mechanism.angles]

@@ -535,7 +535,7 @@ def distilled(results: Results, date: str) -> Matrix:
             judged_to=machine.judged_to,
             stops=bool(mechanism.stops),
             loops=bool(mechanism.loop_joints),
-            elements=bool(mechanism.force_elements),
+            elements=bool(mechanism.force_elements or mechanism.couplers),
             features=tuple(features_of(mechanism)),
             until=_end_asked_for(machine),
         )

@@ -96,7 +96,7 @@ _CONCERNED: Mapping[Part, Callable[[Mechanism], bool]] = {
     Part.STOPS: lambda mechanism: bool(mechanism.stops),
     Part.EVENTS: lambda mechanism: bool(mechanism.stops),
     Part.IMPACTS: lambda mechanism: bool(mechanism.stops),
-    Part.LOOPS: lambda mechanism: bool(mechanism.loop_joints),
+    Part.LOOPS: lambda mechanism: bool(mechanism.bound_by),
     Part.ELEMENTS: lambda mechanism: bool(mechanism.force_elements),
 }
 

@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from ..models.arrays import FloatArray
-from ..models.elements import AnyStop, refuse_unknown
+from ..models.elements import AnyStop, Coupler, refuse_unknown
 from ..models.errors import SimulationError, UnsupportedProblemError
 from ..models.mechanism import Mechanism
 from ..models.problem import Problem
@@ -179,10 +179,11 @@ class Units:
             "gravity": mechanism.gravity * self.time**2 / self.length,
             "start": tuple((np.array(mechanism.start) / q).tolist()),
         }
-        parts = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
-        refuse_unknown("units of engines", parts)
+        refuse_unknown("units of engines", mechanism.elements)
         for group in ("bodies", "markers", "joints", "stops", "force_elements"):
             changes[group] = tuple(map(self._scaled, getattr(mechanism, group)))
+        unit_of = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
+        changes["couplers"] = tuple(_coupler(each, unit_of) for each in mechanism.couplers)
         if mechanism.start_speeds:
             speeds = np.array(mechanism.start_speeds) * self.time / q
             changes["start_speeds"] = tuple(speeds.tolist())
@@ -268,6 +269,16 @@ class Units:
             dynamics=tuple(dynamics),
             total_mass=None if total is None else total * self.mass,
         )
+
+
+def _coupler(coupler: Coupler, units: Mapping[str, float]) -> Coupler:
+    """A coupler whose coordinates are in units."""
+    own = units[coupler.coordinate]
+    terms = tuple(
+        term.model_copy(update={"ratio": term.ratio * units[term.coordinate] / own})
+        for term in coupler.terms
+    )
+    return coupler.model_copy(update={"terms": terms, "offset": coupler.offset / own})
 
 
 def _in_units(values: Mapping[str, _V], units: float | Mapping[str, float]) -> dict[str, _V]:

@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import mul
+from typing import ClassVar
 
 import numpy as np
 
@@ -159,10 +160,12 @@ def weighted(w: ComplexArray, coefficients: ComplexArray) -> ComplexArray:
 
 @dataclass(frozen=True)
 class AngleFunction:
-    """A difference of angles [rad], or a slide [m]: constant + coefficients . q."""
+    """A linear function of angles [rad], or a slide [m]: constant + coefficients . q."""
 
     constant: float
     coefficients: FloatArray
+    is_length: bool = False
+    """Whether its unit is [m]."""
 
     @property
     def amplitudes(self) -> FloatArray:
@@ -186,6 +189,7 @@ class AngleFunction:
 class PointFunction:
     """A point's component in a fixed direction: constant + Re(coefficients . w(q)) [m]."""
 
+    is_length: ClassVar[bool] = True
     phasors: Phasors
     constant: float
     coefficients: ComplexArray
@@ -216,6 +220,7 @@ class LineFunction:
     point from one of the body b, and d the direction in its frame.
     """
 
+    is_length: ClassVar[bool] = True
     phasors: Phasors
     constant: float
     direction: complex

@@ -128,7 +128,7 @@ class Kinematics(Phasors):
         row = np.zeros(len(self.is_angle))
         row[self.tree.coordinates.index(coordinate)] = 1.0
         row.flags.writeable = False  # shared by all callers
-        return AngleFunction(0.0, row)
+        return AngleFunction(0.0, row, is_length=True)
 
     def slide_axis(self, coordinate: str, q: FloatArray) -> ComplexArray:
         """Direction of a slide in the world, x + i y of length 1, shape (...,)."""
@@ -263,11 +263,11 @@ class Kinematics(Phasors):
 
     @cached_property
     def loop_closures(self) -> tuple[ScalarFunction, ...]:
-        """Functions that the joints that close a loop hold at zero.
+        """Functions that the joints that close a loop, and couplers, hold at zero.
 
         The child's point less the parent's along each held direction of the parent's frame (of a
         pin or weld: along x and y of the world); then, where the joint holds it, the child's angle
-        less the parent's, full turns apart.
+        less the parent's, full turns apart. Couplers come last.
         """
         closures: list[ScalarFunction] = []
         for joint in self.tree.loop_joints:
@@ -277,6 +277,8 @@ class Kinematics(Phasors):
                 closures.append(self.component(direction, frame, vector))
             if joint.turned_by is not None:
                 closures.append(self._angle_closure(joint.child, joint.parent, joint.turned_by))
+        for coupler in self.mechanism.couplers:
+            closures.append(coupler.closure(self.tree.coordinates, self.is_angle))
         return tuple(closures)
 
     def _angle_closure(self, child: str, parent: str, turned_by: float) -> AngleFunction:

@@ -18,7 +18,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from .arrays import FloatArray, IndexArray
-from .elements import GROUND, AnyElement, AnyJoint, AnyStop, ForceElement, Joint, PointStop, Stop
+from .elements import (
+    GROUND,
+    AnyElement,
+    AnyJoint,
+    AnyStop,
+    Coupler,
+    ForceElement,
+    Joint,
+    PointStop,
+    Stop,
+)
 from .elements.base import refuse_other_lengths
 from .model_source import ModelSource
 from .shown import Shown
@@ -160,7 +170,7 @@ class Marker(Spec):
 
 
 class Mechanism(Shown, Spec):
-    """Bodies, joints, stops, force elements, markers, gravity and the start.
+    """Bodies, joints, stops, force elements, couplers, markers, gravity and the start.
 
     Bodies stand in an order in which each one's first joint as a child leads to the ground or to an
     earlier
@@ -184,6 +194,7 @@ class Mechanism(Shown, Spec):
     force_elements: tuple[ForceElement, ...] = Field(
         default=(), exclude_if=lambda elements: not elements
     )
+    couplers: tuple[Coupler, ...] = Field(default=(), exclude_if=lambda couplers: not couplers)
     gravity: NonNegative = Field(description="its size [m/s^2]")
     gravity_direction: Vector = Field(
         default=_DOWNWARDS,
@@ -207,6 +218,7 @@ class Mechanism(Shown, Spec):
             ("joint", "joints"): len(self.joints),
             ("stop", "stops"): len(self.stops),
             ("force element", "force elements"): len(self.force_elements),
+            ("coupler", "couplers"): len(self.couplers),
         }
         parts = [f"{n} {names[0 if n == 1 else 1]}" for names, n in counts.items() if n]
         coordinates = ", ".join(self.coordinates)
@@ -220,6 +232,8 @@ class Mechanism(Shown, Spec):
         yield "joints", ", ".join(f"{joint.name} ({joint.kind})" for joint in self.joints)
         yield "stops", ", ".join(stops)
         yield "force elements", ", ".join(f"{e.name} ({e.kind})" for e in self.force_elements)
+        if self.couplers:
+            yield "couplers", ", ".join(coupler.name for coupler in self.couplers)
         yield "markers", ", ".join(marker.name for marker in self.markers)
         yield "start", ", ".join(f"{name} = {value:.6g}" for name, value in start)
         yield "hash", self.content_hash[:16]
@@ -263,8 +277,8 @@ class Mechanism(Shown, Spec):
 
     @property
     def elements(self) -> tuple[AnyElement, ...]:
-        """Its joints, stops and force elements."""
-        return (*self.joints, *self.stops, *self.force_elements)
+        """Its joints, stops, force elements and couplers."""
+        return (*self.joints, *self.stops, *self.force_elements, *self.couplers)
 
     @property
     def instants(self) -> tuple[float, ...]:
@@ -305,6 +319,23 @@ class Mechanism(Shown, Spec):
     def loop_joints(self) -> tuple[AnyJoint, ...]:
         """Joints that close a loop."""
         return self.tree.loop_joints
+
+    @property
+    def bound_by(self) -> tuple[str, ...]:
+        """Names of what binds its coordinates to each other: loop joints and couplers."""
+        return tuple(each.name for each in (*self.loop_joints, *self.couplers))
+
+    @property
+    def coupler_residual(self) -> dict[str, float]:
+        """By how much each coupler's coordinate is off at the start [rad or m]."""
+        start = dict(zip(self.coordinates, self.start, strict=True))
+        return {
+            coupler.name: abs(
+                sum(weight * start[name] for name, weight in coupler.weights.items())
+                - coupler.offset
+            )
+            for coupler in self.couplers
+        }
 
     @property
     def loop_closure_residual(self) -> dict[str, float]:
@@ -395,6 +426,9 @@ class Mechanism(Shown, Spec):
         _refuse_repeats("stop", (stop.name for stop in self.stops))
         _refuse_repeats("marker", (marker.name for marker in self.markers))
         _refuse_repeats("force element", (element.name for element in self.force_elements))
+        # Their multipliers stand beside those of joints.
+        bound = (each.name for each in (*self.joints, *self.couplers))
+        _refuse_repeats("joint or coupler", bound)
         refuse_other_lengths("gravity_direction", self.gravity_direction)
         for joint in self.joints:
             if joint.child == GROUND:
@@ -446,6 +480,13 @@ class Mechanism(Shown, Spec):
                     f"joint {joint.name!r} closes a loop and so has no coordinate of its own"
                 )
         _refuse_repeats("coordinate", self.coordinates)
+        for coupler in self.couplers:
+            for name in coupler.coordinates:
+                if name not in self.coordinates:
+                    raise ValueError(
+                        f"coupler {coupler.name!r} names the coordinate {name!r}; there are "
+                        f"{sorted(self.coordinates)}"
+                    )
         for element in self.force_elements:
             if element.body != GROUND:
                 element.refuse_joint(self.joint_of(element.body))

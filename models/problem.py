@@ -77,6 +77,12 @@ class Problem(Shown, Spec):
                     f"start does not fit the joint {name!r}, which closes a loop: "
                     f"its bodies are turned by {residual:.3g} rad too much or too little"
                 )
+        for name, residual in self.mechanism.coupler_residual.items():
+            if residual > _CLOSED:
+                raise ValueError(
+                    f"start does not fit the coupler {name!r}: its coordinate is off by "
+                    f"{residual:.3g}"
+                )
         return self
 
     def __init__(self, mechanism: Mechanism, duration: float = 3.0, **fields: object) -> None:

@@ -25,7 +25,7 @@ from .mechanism import Mechanism
 from .problem import Problem
 from .spec import Spec, number_units
 
-_PARTS = ("bodies", "joints", "stops", "markers", "force_elements")
+_PARTS = ("bodies", "joints", "stops", "markers", "force_elements", "couplers")
 # Conditions on several numbers hold for certain where they hold by this margin: the limits of the
 # mechanism's own validation are 1e-12 and 1e-9, of lengths of 1 m at least.
 _ROUNDING, _CLEAR = 1e-13, 1e-6
@@ -141,6 +141,8 @@ class Stack(Sequence[Mechanism]):
     def _may_not_fit(self) -> BoolArray:
         """Whether a machine may be refused for what its numbers are together, shape (n,)."""
         mechanism, kinematics = self.mechanism, Kinematics(self.mechanism)
+        if mechanism.couplers:
+            return np.ones(self._n, dtype=bool)
         q, _ = initial_state(mechanism)
         fits = np.ones(self._n, dtype=bool)  # not where something is no number
         for column in self._columns.values():

@@ -252,11 +252,11 @@ class ActiveSet:
         residual = self.equations.loop_residual(q)
         speeds = self.equations.constraint_jacobian(q, ()) @ u
         if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
-            worst = f"{np.abs(residual).max():.3g} m and {np.abs(speeds).max():.3g} m/s"
-            names = ", ".join(joint.name for joint in mechanism.loop_joints)
+            worst = f"{np.abs(residual).max():.3g} m or rad and {np.abs(speeds).max():.3g} m/s or rad/s"
+            names = ", ".join(mechanism.bound_by)
             raise InputError(
-                f"start does not fit the joints that close a loop ({names}): their points stand "
-                f"apart by up to {worst}."
+                f"start does not fit the joints that close a loop, or the couplers ({names}): they "
+                f"are off by up to {worst}."
             )
         touching = tuple(stop.name for stop in mechanism.stops if stop.closed)
         if any(speed < -_AT_REST for speed in self._gap_speeds(touching, q, u).values()):

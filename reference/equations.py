@@ -37,7 +37,7 @@ from ..models.applied_forces import AppliedForces
 from ..models.arrays import ComplexArray, FloatArray
 from ..models.elements.base import LinearElement
 from ..models.errors import SimulationError
-from ..models.functions import AngleFunction, PointFunction, ScalarFunction
+from ..models.functions import PointFunction, ScalarFunction
 from ..models.kinematics import Kinematics, immovable_stops
 from ..models.mechanism import Mechanism
 from .compiled import Added, CompiledEquations, compiled_equations, not_unique
@@ -279,7 +279,7 @@ class Equations:
         rank = len(functions) if self.basis(q, names) is None else self._ranks[names]
         if rank == 0:
             return np.full(q.shape[:-1], np.inf)
-        rows = np.array([1.0 if isinstance(f, AngleFunction) else 1.0 / length for f in functions])
+        rows = np.array([1.0 / length if f.is_length else 1.0 for f in functions])
         columns = np.where(self.kinematics.is_angle > 0, 1.0, length)
         scaled = rows[:, None] * self.constraint_jacobian(q, names) * columns
         return np.asarray(np.linalg.svd(scaled, compute_uv=False)[..., rank - 1], dtype=np.float64)
@@ -390,7 +390,7 @@ def _rank_near(equations: Equations, q: FloatArray, closed: Sequence[str]) -> in
     for _ in range(_POSITIONS):
         guess = q + size * random.uniform(-1, 1, len(q))
         if _nearest(equations, guess, closed, np.zeros(len(closed)), rank) is None:
-            names = (*(joint.name for joint in equations.mechanism.loop_joints), *closed)
+            names = (*equations.mechanism.bound_by, *closed)
             raise SimulationError(
                 f"{equations.mechanism.name!r} is in a singular position: the constraints of "
                 f"{', '.join(names)} depend "

@@ -54,7 +54,7 @@ def distributed(
     Args:
         mechanism: whose joints and stops act.
         needed: force that each body's momentum needs beyond gravity and force elements.
-        multipliers: of the loop joints' constraints, in their order [N or N m].
+        multipliers: of the loop joints' constraints and the couplers, in their order [N or N m].
         pushes: torques of all stops [N m, N of one on a point].
         in_world: the vector in the world of a direction in the frame of a body, or the ground.
     """
@@ -75,6 +75,13 @@ def distributed(
             next(multipliers)  # a torque
         loops[joint.name] = force
         act(joint.child, joint.parent, force)
+    slides = {slide.coordinate: slide for slide in mechanism.slides}
+    for coupler in mechanism.couplers:
+        multiplier = next(multipliers)
+        for name, weight in coupler.weights.items():
+            if name in slides:  # what it does to an angle is a torque
+                joint, along = slides[name].joint, slides[name].direction
+                act(joint.child, joint.parent, weight * multiplier * in_world(joint.parent, along))
     for stop in mechanism.stops:
         normal = _NORMALS[stop](in_world, stop)
         if normal is not None:

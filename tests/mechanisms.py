@@ -15,6 +15,8 @@ from trebucheck.models.elements import (
     AnyForceElement,
     ConstantForce,
     ConstantTorque,
+    Coupler,
+    CouplerTerm,
     FreeJoint,
     PinJoint,
     PointStop,
@@ -70,6 +72,42 @@ def misplaced(found: Trajectory, exact: Solution) -> float:
 def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0, 0)) -> PinJoint:
     """A pin at a point of the parent and a point of the child."""
     return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
+
+
+def geared() -> Mechanism:
+    """A double pendulum whose second rod is geared to the first, and a slider that both push."""
+    return Mechanism(
+        name="geared",
+        bodies=(
+            Body(name="first", angle="alpha", mass=2.0, centre=(0.3, 0.0), inertia=0.1),
+            Body(name="second", angle="beta", mass=1.0, centre=(0.0, -0.2), inertia=0.3),
+            Body(name="slider", mass=3.0, centre=(0.1, 0.0), inertia=1.0),
+        ),
+        joints=(
+            pin("axle", GROUND, "first"),
+            pin("elbow", "first", "second", (1.0, 0.0)),
+            PrismaticJoint(
+                name="rail", parent="second", child="slider", parent_point=(0.0, 1.0),
+                child_point=(0.0, 0.0), axis=(0.6, 0.8), coordinate="s",
+            ),
+        ),
+        couplers=(
+            Coupler(
+                name="gear", coordinate="beta", offset=0.4,
+                terms=(CouplerTerm(coordinate="alpha", ratio=-1.7),),
+            ),
+            Coupler(
+                name="rack", coordinate="s",
+                terms=(
+                    CouplerTerm(coordinate="alpha", ratio=0.25),
+                    CouplerTerm(coordinate="beta", ratio=-0.1),
+                ),
+            ),
+        ),
+        markers=(Marker(name="tip", body="slider", point=(0.2, 0.1)),),
+        gravity=G,
+        start=(0.3, 0.4 - 1.7 * 0.3, 0.25 * 0.3 - 0.1 * (0.4 - 1.7 * 0.3)),
+    )  # fmt: skip
 
 
 def angle_stop(

@@ -229,6 +229,9 @@ def _without_bodies(mechanism: Mechanism) -> Iterator[tuple[str, dict[str, Any]]
             fields[name] = tuple(
                 each for each in getattr(mechanism, name) if body.name not in _bodies_of(each)
             )
+        fields["couplers"] = tuple(
+            each for each in mechanism.couplers if gone.isdisjoint(each.coordinates)
+        )
         for name in ("start", "start_speeds"):
             values = zip(mechanism.coordinates, getattr(mechanism, name), strict=False)
             fields[name] = tuple(value for coordinate, value in values if coordinate not in gone)
@@ -242,8 +245,8 @@ def _bodies_of(element: Any) -> set[str]:
 
 
 def _without_elements(mechanism: Mechanism) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Fields without one element, loop joint or marker."""
-    for name in ("force_elements", "stops", "markers"):
+    """Fields without one element, loop joint, coupler or marker."""
+    for name in ("force_elements", "stops", "couplers", "markers"):
         every = getattr(mechanism, name)
         for element in every:
             yield f"without {element.name}", {name: tuple(e for e in every if e != element)}

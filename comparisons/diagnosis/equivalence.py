@@ -301,8 +301,7 @@ def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
             build the mechanism.
         TrebucheckError: the engine is not installed, or its solver finds no accelerations.
     """
-    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
-    refuse_unknown("The model-equivalence check", elements)
+    refuse_unknown("The model-equivalence check", mechanism.elements)
     if not isinstance(engine, Inspectable):
         return Equality(
             exposed=False,

@@ -87,7 +87,8 @@ def with_closed_loops(mechanism: Mechanism) -> Mechanism | None:
 
     Closed stops stay where they are, and still touch.
     """
-    if not any(mechanism.loop_closure_residual.values()):
+    residuals = mechanism.loop_closure_residual | mechanism.coupler_residual
+    if not any(residuals.values()):
         return mechanism
     start = _consistent_start(mechanism, mechanism.stops)
     return (
@@ -387,6 +388,7 @@ def machine_suspects(mechanism: Mechanism) -> tuple[Suspect, ...]:
             table.without(stop.name, "stops")
     for joint in mechanism.loop_joints:
         table.without(joint.name, "joints", "machine")
+    _suspect_couplers(table)
     # All data rounded to what common formats keep.
     cuts: dict[str, Callable[[float], float]] = {
         "six digits, as text formats write them": lambda value: float(f"{value:.6g}"),
@@ -479,6 +481,18 @@ def _suspect_force_elements(table: _Suspects) -> None:
         for field, body in zip(element.points(), (element.body, element.bodies[-1]), strict=False):
             table.point(f"place of the {name} on the {body}", "force_elements", name, field)
         table.without(name, "force_elements")
+
+
+def _suspect_couplers(table: _Suspects) -> None:
+    """Couplers: a wrong ratio, which the start follows, or none at all."""
+    for coupler in table.mechanism.couplers:
+        for term in coupler.terms:
+            wrong = term.model_copy(update={"ratio": term.ratio * (1 + _SMALL)})
+            terms = [wrong if each == term else each for each in coupler.terms]
+            what = f"ratio of {term.coordinate} in the {coupler.name}"
+            changes = {"terms": [each.model_dump() for each in terms]}
+            table.part(what, "couplers", coupler.name, changes, start_moves=True)
+        table.without(coupler.name, "couplers", "machine")
 
 
 def _suspect_start(table: _Suspects, named: bool) -> None:
@@ -717,6 +731,7 @@ def systematic_faults(mechanism: Mechanism) -> tuple[Fault, ...]:
     rows.append(("start speeds reversed", "start", {"start_speeds": reversed_speeds}))
     rows.append(("gravity along -y", "law", {"gravity_direction": (0.0, -1.0)}))
     rows.append(("all stops missing", "law", {"stops": ()}))
+    rows.append(("all couplers missing", "law", {"couplers": ()}))
     closed = left(lambda stop: stop.closed)
     rows.append(("stops that are open at the start missing", "law", closed))
     for stop in m.stops:

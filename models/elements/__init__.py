@@ -18,6 +18,7 @@ from .angle_stop import Stop
 from .base import CONSUMERS, GROUND, Basic, ElementTable, Feature, TwoBodyForceElement, refusal
 from .constant_force import ConstantForce
 from .constant_torque import ConstantTorque
+from .coupler import Coupler, CouplerTerm
 from .cubic_torsion_spring import CubicTorsionSpring
 from .free import FreeJoint
 from .pin import PinJoint
@@ -34,6 +35,7 @@ from .weld import WeldJoint
 
 __all__ = [
     "CONSUMERS",
+    "COUPLERS",
     "ELEMENTS",
     "FORCE_ELEMENTS",
     "GROUND",
@@ -46,6 +48,8 @@ __all__ = [
     "Basic",
     "ConstantForce",
     "ConstantTorque",
+    "Coupler",
+    "CouplerTerm",
     "CubicTorsionSpring",
     "ElementTable",
     "Feature",
@@ -89,7 +93,8 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     RecordedTorque,
     RecordedForce,
 )
-ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS)
+COUPLERS: tuple[type, ...] = (Coupler,)
+ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS, *COUPLERS)
 
 
 def refuse_unknown(consumer: str, elements: Iterable[object]) -> None:
@@ -140,4 +145,4 @@ AnyStop = Annotated[
     Annotated[Stop, Tag("stop")] | Annotated[PointStop, Tag("point stop")],
     Discriminator(_tag_of_stop),
 ]
-AnyElement = AnyJoint | Stop | PointStop | AnyForceElement
+AnyElement = AnyJoint | Stop | PointStop | AnyForceElement | Coupler

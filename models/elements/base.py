@@ -61,6 +61,7 @@ class Feature(StrEnum):
     TRANSLATION = "translation joints"
     RECORDED_TORQUE = "recorded torques"
     RECORDED_FORCE = "recorded forces along slides"
+    COUPLER = "couplers of coordinates"
 
 
 class Geometry(Protocol):

@@ -253,8 +253,41 @@ _FORCES: ElementTable[str] = ElementTable(
     },
 )
 
-BUILT: frozenset[type] = frozenset({*_HELD.handlers, *_GAPS.handlers, *_FORCES.handlers})
+BUILT: frozenset[type] = frozenset(
+    {*_HELD.handlers, *_GAPS.handlers, *_FORCES.handlers, elements.Coupler}
+)
 """Classes of elements that the redundant formulation has."""
+
+
+class _Couplers:
+    """Couplers as functions of the bodies' angles and of slides, n of them."""
+
+    def __init__(self, mechanism: Mechanism, free: _Components) -> None:
+        couplers, self._free = mechanism.couplers, free
+        of_angle = {b.angle: 3 * i + 2 for i, b in enumerate(mechanism.bodies) if b.angle}
+        slides = [slide.coordinate for slide in mechanism.slides]
+        self._angles = np.zeros((len(couplers), 3 * len(mechanism.bodies)))
+        self._slides = np.zeros((len(couplers), len(slides)))
+        for k, coupler in enumerate(couplers):
+            terms = [(coupler.coordinate, 1.0), *((t.coordinate, -t.ratio) for t in coupler.terms)]
+            for name, factor in terms:
+                if name in of_angle:
+                    self._angles[k, of_angle[name]] = factor
+                else:
+                    self._slides[k, slides.index(name)] = factor
+        self._offsets = np.array([coupler.offset for coupler in couplers])
+
+    def __len__(self) -> int:
+        return len(self._offsets)
+
+    def values(self, x: FloatArray) -> FloatArray:
+        """By how much each is off, shape (n,) [rad or m]."""
+        return self._angles @ x + self._slides @ self._free.values(x) - self._offsets
+
+    def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Jacobian (n, 3 n_bodies), and minus the second derivatives without accelerations (n,)."""
+        rows, inward = self._free.derivatives(x, v)
+        return self._angles + self._slides @ rows, self._slides @ inward
 
 
 def _columns(rows: Sequence[tuple[float, ...]]) -> FloatArray:
@@ -368,7 +401,7 @@ class RedundantSystem:
 
     `x` runs body by body: centre x, centre y, angle. Constraint rows: held directions of the
     joints, in the mechanism's order (two for a pin, one for a slot), then the angles that joints
-    hold, then the active stops.
+    hold, then couplers, then the active stops.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -383,6 +416,7 @@ class RedundantSystem:
         self._held = _between_ends(mechanism, held)
         free = [(slide.joint, slide.direction) for slide in mechanism.slides]
         self._free = _between_ends(mechanism, free)
+        self._couplers = _Couplers(mechanism, self._free)
         rigid = [joint for joint in mechanism.joints if joint.turned_by is not None]
         self._rigid = _angle_rows(mechanism, [(joint.child, joint.parent) for joint in rigid])
         self._turning = np.array([body.angle is not None for body in mechanism.bodies])
@@ -427,7 +461,8 @@ class RedundantSystem:
 
     def torques(self, y: FloatArray, active: tuple[str, ...]) -> FloatArray:
         """Torques of the active stops [N m], in their order."""
-        return self._solve(y, active)[self.n + len(self._held) + len(self._rigid) :]
+        joints = len(self._held) + len(self._rigid) + len(self._couplers)
+        return self._solve(y, active)[self.n + joints :]
 
     def gap_accelerations(
         self, y: FloatArray, active: tuple[str, ...], of: tuple[str, ...]
@@ -442,7 +477,8 @@ class RedundantSystem:
         x, v = y[: self.n].copy(), y[self.n :]
         no_forces = np.zeros(self.n)
         for _ in range(_PROJECTIONS):
-            error = np.concatenate([self.joint_errors(x), [self.gap(x, name) for name in active]])
+            gaps = [self.gap(x, name) for name in active]
+            error = np.concatenate([self.joint_errors(x), self._couplers.values(x), gaps])
             jacobian = self._constraints(x, v, active)[0]
             x += self._kkt(active, jacobian, no_forces, -error)[: self.n]
             if np.abs(error).max(initial=0.0) < 1e-12:
@@ -526,7 +562,9 @@ class RedundantSystem:
     ) -> tuple[FloatArray, FloatArray]:
         """G, and minus gamma."""
         held, inward = self._held.derivatives(x, v)
-        rows, right = [held, self._rigid], [inward, np.zeros(len(self._rigid))]
+        coupled, of_couplers = self._couplers.derivatives(x, v)
+        rows = [held, self._rigid, coupled]
+        right = [inward, np.zeros(len(self._rigid)), of_couplers]
         for name in active:
             row, gamma = self._gaps[name].derivatives(x, v)
             rows.append(row)

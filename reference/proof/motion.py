@@ -535,8 +535,8 @@ class ProvedMotion:
             try:
                 step, event = self._step(stepper, phase, begin, states, last, system.functions)
             except NoTubeError:
-                loops = self.problem.mechanism.loop_joints
-                raise UndecidedError(_REGULAR if loops else _FINITE, now) from None
+                bound = self.problem.mechanism.bound_by
+                raise UndecidedError(_REGULAR if bound else _FINITE, now) from None
             phase.steps.append(step)
             if event is not None:
                 return None if event.time > end else event

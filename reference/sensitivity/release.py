@@ -106,9 +106,8 @@ def physical_numbers(
 
 
 def _of_elements(mechanism: Mechanism, thrown: str | None) -> Iterator[PhysicalNumber]:
-    elements = (*mechanism.joints, *mechanism.stops, *mechanism.force_elements)
-    refuse_unknown("The table of sensitivities", elements)
-    for kind in ("bodies", "joints", "stops", "force_elements", "markers"):
+    refuse_unknown("The table of sensitivities", mechanism.elements)
+    for kind in ("bodies", "joints", "stops", "force_elements", "couplers", "markers"):
         for part in getattr(mechanism, kind):
             if kind != "markers" or thrown in (None, part.name):
                 yield from _of_fields(part, f"{kind}.{part.name}")

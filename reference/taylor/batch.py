@@ -368,7 +368,7 @@ def _properties(mechanism: Mechanism) -> tuple[object, ...]:
     stops = [kind_of(stop) for stop in mechanism.stops]
     thrown = [marker.body for marker in mechanism.markers if marker.name == PROJECTILE]
     loops = [(joint.name, joint.kind) for joint in mechanism.loop_joints]
-    return mechanism.coordinates, stops, thrown, loops
+    return mechanism.coordinates, stops, thrown, loops, mechanism.couplers
 
 
 @dataclass

@@ -37,6 +37,7 @@ from ...models.elements import (
     SlideSpringDamper,
     SpringDamper,
 )
+from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import (
     AngleFunction,
     Kinematics,
@@ -53,8 +54,8 @@ from ...models.spec import as_complex
 Real = NDArray[np.floating[Any]]
 Complex = NDArray[np.complexfloating[Any, Any]]
 RealType = type[np.float64] | type[np.longdouble]
-Row = tuple[int, ...] | int | None
-"""Gradient of a constraint: constant, on angles; the number of the angle with which the line of a
+Row = tuple[float, ...] | int | None
+"""Gradient of a constraint: constant, of angles or a coupler; the number of the angle with which the line of a
 point's component turns; or None, of a direction that does not turn: a row of waves."""
 
 PROJECTILE = "projectile"
@@ -72,7 +73,7 @@ class Structure:
     gap_rows: tuple[Row, ...]  # of each stop that may ever be active
     springs: tuple[bool, ...]
     """Of each spring and damper between points, whether its force depends on its length."""
-    twists: tuple[tuple[int, ...], ...]
+    twists: tuple[tuple[float, ...], ...]
     """Gradient of the angle of each spring, damper or motor between angles, or of its slide."""
     closes: bool  # whether stops may close (unilateral law)
     present: tuple[bool, ...]  # which of the numbers are runtime parameters, the others being zero
@@ -152,7 +153,14 @@ def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.b
     """The structure a problem's numbers belong to."""
 
     def senses(angle: AngleFunction) -> tuple[int, ...]:
-        return tuple(int(entry) for entry in angle.coefficients)
+        return tuple(float(entry) for entry in angle.coefficients)
+
+    for coupler in problem.mechanism.couplers:
+        if any(np.ndim(ratio) for ratio in coupler.weights.values()):
+            raise UnsupportedProblemError(
+                f"the Taylor integrator cannot use {coupler.name!r} (coupler) with other ratios "
+                "in each machine of a batch."
+            )
 
     def row(function: ScalarFunction) -> Row:
         if isinstance(function, AngleFunction):

@@ -385,6 +385,7 @@ def shrunk_document(
             ("joints", "joints"),
             ("stops", "stops"),
             ("force elements", "force_elements"),
+            ("couplers", "couplers"),
         )
     ]
     rows.append(("digits of numbers", _digits(before), _digits(after)))
