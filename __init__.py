@@ -46,9 +46,10 @@ _PUBLIC = {
     "models.errors": "EngineNotInstalledError InputError SimulationError TrebucheckError "
     "UnsupportedProblemError",
     "models.controls": "ControlRecord",
-    "models.elements": "ConstantForce ConstantTorque Coupler CouplerTerm CubicTorsionSpring FreeJoint "
-    "PinJoint PointStop PrismaticJoint RecordedForce RecordedTorque RotationalSpringDamper "
-    "RotorInertia SlideSpringDamper SlotJoint SpringDamper Stop TranslationJoint WeldJoint",
+    "models.elements": "ConstantForce ConstantTorque Coupler CouplerTerm CubicTorsionSpring "
+    "FreeJoint PinJoint PointStop PrismaticJoint RecordedForce RecordedTorque "
+    "RotationalSpringDamper RotorInertia SlideSpringDamper SlotJoint SpringDamper Stop "
+    "TranslationJoint WeldJoint",
     "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """

@@ -20,6 +20,7 @@ from pydantic import Field, JsonValue, model_validator
 from ..models.arrays import FloatArray
 from ..models.elements import (
     FORCE_ELEMENTS,
+    Coupler,
     FreeJoint,
     PointStop,
     PrismaticJoint,
@@ -86,6 +87,7 @@ _FEATURES_OF_CLASSES: Mapping[type, Feature] = {
     WeldJoint: Feature.WELD,
     PointStop: Feature.MOVING_WALL,
     **{element: element.feature for element in FORCE_ELEMENTS},
+    Coupler: Feature.COUPLER,
 }
 
 

@@ -33,16 +33,14 @@ class ConstraintKinds:
     """Kinds of constraints in a mechanism, for options of engines that act on one kind only."""
 
     angles: bool = True  # stops on angles
-    points: bool = False  # stops on points, or joints that close loops
+    points: bool = False  # stops on points, joints that close loops, or couplers
 
     @classmethod
     def of(cls, mechanism: Mechanism | None) -> ConstraintKinds:
         """Read the kinds of a mechanism; with none, of the paper's, whose stops are on angles."""
         if mechanism is None:
             return cls()
-        return cls(
-            bool(mechanism.angle_stops), bool(mechanism.point_stops or mechanism.loop_joints)
-        )
+        return cls(bool(mechanism.angle_stops), bool(mechanism.point_stops or mechanism.bound_by))
 
 
 @dataclass(frozen=True)

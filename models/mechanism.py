@@ -330,10 +330,8 @@ class Mechanism(Shown, Spec):
         """By how much each coupler's coordinate is off at the start [rad or m]."""
         start = dict(zip(self.coordinates, self.start, strict=True))
         return {
-            coupler.name: abs(
-                sum(weight * start[name] for name, weight in coupler.weights.items())
-                - coupler.offset
-            )
+            coupler.name: sum(weight * start[name] for name, weight in coupler.weights.items())
+            - coupler.offset
             for coupler in self.couplers
         }
 
@@ -480,6 +478,13 @@ class Mechanism(Shown, Spec):
                     f"joint {joint.name!r} closes a loop and so has no coordinate of its own"
                 )
         _refuse_repeats("coordinate", self.coordinates)
+        for element in self.force_elements:
+            if element.body != GROUND:
+                element.refuse_joint(self.joint_of(element.body))
+        return self
+
+    @model_validator(mode="after")
+    def _couplers_fit(self) -> Self:
         for coupler in self.couplers:
             for name in coupler.coordinates:
                 if name not in self.coordinates:
@@ -487,9 +492,6 @@ class Mechanism(Shown, Spec):
                         f"coupler {coupler.name!r} names the coordinate {name!r}; there are "
                         f"{sorted(self.coordinates)}"
                     )
-        for element in self.force_elements:
-            if element.body != GROUND:
-                element.refuse_joint(self.joint_of(element.body))
         return self
 
     @model_validator(mode="after")

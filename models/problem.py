@@ -78,7 +78,7 @@ class Problem(Shown, Spec):
                     f"its bodies are turned by {residual:.3g} rad too much or too little"
                 )
         for name, residual in self.mechanism.coupler_residual.items():
-            if residual > _CLOSED:
+            if abs(residual) > _CLOSED:
                 raise ValueError(
                     f"start does not fit the coupler {name!r}: its coordinate is off by "
                     f"{residual:.3g}"

@@ -252,7 +252,9 @@ class ActiveSet:
         residual = self.equations.loop_residual(q)
         speeds = self.equations.constraint_jacobian(q, ()) @ u
         if np.any(np.abs(residual) > _FITS) or np.any(np.abs(speeds) > _FITS):
-            worst = f"{np.abs(residual).max():.3g} m or rad and {np.abs(speeds).max():.3g} m/s or rad/s"
+            worst = (
+                f"{np.abs(residual).max():.3g} m or rad and {np.abs(speeds).max():.3g} m/s or rad/s"
+            )
             names = ", ".join(mechanism.bound_by)
             raise InputError(
                 f"start does not fit the joints that close a loop, or the couplers ({names}): they "

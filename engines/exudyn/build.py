@@ -157,6 +157,7 @@ def _loop_rows(kinematics: Kinematics, q: FloatArray, left_out: frozenset[str]) 
     for joint in kinematics.mechanism.loop_joints:
         keep += [True] * len(joint.held_directions)
         keep += [joint.name not in left_out] * (joint.turned_by is not None)
+    keep += [True] * len(kinematics.mechanism.couplers)
     return kinematics.loop_jacobian(q)[np.array(keep, dtype=bool)]
 
 
@@ -224,7 +225,7 @@ class Builder:
             redundant=redundant,
         )
         self._add_bodies()
-        for element in (*mechanism.joints, *mechanism.force_elements):
+        for element in (*mechanism.joints, *mechanism.force_elements, *mechanism.couplers):
             BUILDERS[element](self, element)
 
     def add(self, item: Any) -> int:
@@ -450,6 +451,30 @@ class Builder:
         key = "spring", name, output
         self.system.stretches[name] = lambda values: values(key)[:, 0] - rest
 
+    # Couplers.
+
+    def add_coupler(self, coupler: elements.Coupler) -> None:
+        """Add a constraint between two rotations, or of one."""
+        turning = {body.angle: body.name for body in self.mechanism.bodies}
+        if len(coupler.terms) > 1 or any(name not in turning for name in coupler.coordinates):
+            raise UnsupportedProblemError(
+                f"our adapter couples two angles for Exudyn; {coupler.name!r} couples "
+                f"{', '.join(coupler.coordinates)}."
+            )
+        bodies = [turning[name] for name in coupler.coordinates]
+        follows, *followed = (
+            self.rotations(*bodies) if len(bodies) > 1 else self.rotations(*bodies, GROUND)
+        )
+        ratio = coupler.terms[0].ratio if coupler.terms else 0.0
+        # Coordinates count from the reference, at which the start fulfils it. Both angles are the
+        # other way round, which leaves the ratio as it is.
+        markers = [follows, *followed]
+        self.add(
+            items.ObjectConnectorCoordinate(
+                name=f"coupler {coupler.name}", markerNumbers=markers, factor1=ratio
+            )
+        )
+
     # Stops.
 
     def add_angle_limit(self, stop: elements.Stop) -> None:
@@ -518,6 +543,7 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.ConstantForce: Builder.add_force,
         elements.ConstantTorque: Builder.add_torque,
         elements.SlideSpringDamper: Builder.add_slide_spring,
+        elements.Coupler: Builder.add_coupler,
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import CubicTorsionSpring, SlideSpringDamper, TranslationJoint
+from ...models.elements import Coupler, CubicTorsionSpring, SlideSpringDamper, TranslationJoint
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -18,6 +18,7 @@ from .options import ExudynOptions
 from .study import STUDY
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
+    Coupler,
     CubicTorsionSpring,
     SlideSpringDamper,
     TranslationJoint,
@@ -39,7 +40,7 @@ def _has_stops(mechanism: Mechanism) -> bool:
 
 
 def _has_loops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.loop_joints)
+    return bool(mechanism.bound_by)
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):

@@ -96,7 +96,7 @@ class ExudynOptions(ScaledOptions):
 
     def rule(self, mechanism: Mechanism) -> Integrator:
         """The integrator for a mechanism."""
-        only_loops = mechanism.loop_joints and not mechanism.stops
+        only_loops = mechanism.bound_by and not mechanism.stops
         return (self.loop_integrator if only_loops else None) or self.integrator
 
     def units(self, mechanism: Mechanism) -> Units:

@@ -211,7 +211,7 @@ class Solver:
         # Constraints of loops may follow from others, and so may those of several closed stops.
         closed = [stop.name for stop in self.mechanism.stops if stop.closed]
         gaps = np.array([self._kinematics.gap_jacobian(name, self._start) for name in closed])
-        self._dependent = bool(self.mechanism.loop_joints) or (
+        self._dependent = bool(self.mechanism.bound_by) or (
             len(gaps) > 1 and int(np.linalg.matrix_rank(gaps, rtol=DEPENDENT)) < len(gaps)
         )
         self._residual = options.newton_absolute
@@ -331,7 +331,7 @@ class Solver:
         self._monitor, self._conditioning = monitor, None
         # Generalised alpha needs no monitor of the loops, as it damps the error.
         trapezoidal = self.options.rule(self.mechanism).startswith("trapezoidal")
-        if self.options.restarts and self.mechanism.loop_joints and trapezoidal:
+        if self.options.restarts and self.mechanism.bound_by and trapezoidal:
             self._conditioning = Conditioning(LoopConstraints(self._kinematics, active))
         table, outcome = self._equal_steps(state, active, end, steps)
         if outcome is _Outcome.FAILED and end - state.t < _SHORT * self.options.timestep:
@@ -450,7 +450,7 @@ class Solver:
             ahead = self._conditioning.steps_ahead(q)
             if ahead < _FAR:
                 longer = max(1.0, _BEYOND * ahead / _LEAPS[0])
-        only_loops_are_singular = self.mechanism.loop_joints and not self.options.adaptive_step
+        only_loops_are_singular = self.mechanism.bound_by and not self.options.adaptive_step
         for length in _LEAPS if only_loops_are_singular else ():
             until = min(state.t + longer * length * step, end)
             active = self.system.active

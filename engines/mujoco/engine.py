@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+from ...models.elements import Coupler
 from ...models.features import Basic, Feature
 from ...models.mechanism import Mechanism
 from ...models.mjcf.elements import FORCE_WRITERS
@@ -20,9 +21,9 @@ from .options import MujocoOptions
 from .study import STUDY
 
 BUILT: frozenset[type] = frozenset(
-    (*SLIDES.handlers, *STOP_SENSORS.handlers, *FORCE_WRITERS.handlers)
+    (*SLIDES.handlers, *STOP_SENSORS.handlers, *FORCE_WRITERS.handlers, Coupler)
 )
-"""Classes of elements that the writer of MJCF has a handler for."""
+"""Classes of elements that the writer of MJCF writes."""
 _ALONE: Mapping[str, object] = {
     "locate_releases": False,
     "keep_limits": True,
@@ -39,7 +40,7 @@ def _has_stops(mechanism: Mechanism) -> bool:
 
 
 def _has_points(mechanism: Mechanism) -> bool:
-    return bool(mechanism.point_stops or mechanism.loop_joints)
+    return bool(mechanism.point_stops or mechanism.bound_by)
 
 
 def _has_constraints(mechanism: Mechanism) -> bool:
@@ -52,7 +53,8 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
     Stops are joint limits, which MuJoCo treats as soft. Stops on points are frictionless contacts
     of a sphere with a plane (a box on a body that moves), slots that close a loop are two of them,
     pins that do are `connect` equalities, angles that loops hold are equalities of tendons over
-    hinges. Springs and dampers are tendons, constant forces and torques actuators without control.
+    hinges, and so are couplers. Springs and dampers are tendons, constant forces and torques
+    actuators without control.
 
     By itself (:mod:`.alone`) MuJoCo steps this model from start to end. Its limits stay in the
     model whatever the law: it keeps to release-once only while no stop is met again, and an impact

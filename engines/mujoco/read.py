@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models import elements
 from ...models.applied_forces import AppliedForces
-from ...models.arrays import FloatArray
+from ...models.arrays import ComplexArray, FloatArray, as_vectors
 from ...models.elements import FORCE_ELEMENTS, GROUND, AnyJoint, ElementTable
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
@@ -133,7 +133,8 @@ def _reactions(
     """Forces of the joints on their children in the world frame [N].
 
     A `force` sensor of a joint of the tree gives what the bodies beyond it need besides gravity,
-    contacts and what :data:`TAKEN_OFF` says. A joint that closes a loop is on a massless welded
+    contacts and what :data:`TAKEN_OFF` says; along a slide that is the force of its coupler, not of
+    its joint, which holds nothing there. A joint that closes a loop is on a massless welded
     body; its sensor gives the force on that body from the body it is welded to, the opposite of the
     joint's.
     """
@@ -153,13 +154,23 @@ def _reactions(
         cos, sin = np.cos(angle), np.sin(angle)
         return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
+    coupled = {name for coupler in mechanism.couplers for name in coupler.coordinates}
     reactions: dict[str, FloatArray] = {}
     for joint in mechanism.tree_joints:
         if joint.held_directions:
-            reactions[joint.name] = in_world(joint) - beyond.get(joint.name, 0.0)
+            force = in_world(joint) - beyond.get(joint.name, 0.0)
+            if coupled.intersection(joint.slides):
+                force = _across(force, alone.slide_axis(joint.slides[0], q))
+            reactions[joint.name] = force
     for joint in mechanism.loop_joints:
         reactions[joint.name] = -in_world(joint)
     return reactions
+
+
+def _across(forces: FloatArray, axis: ComplexArray) -> FloatArray:
+    """Parts of forces (n, 2) across axes (n,), x + i y of length 1."""
+    along = as_vectors(axis)
+    return forces - np.sum(forces * along, axis=-1)[:, None] * along
 
 
 def absolute_from_relative(mechanism: Mechanism, model: Any) -> FloatArray:

@@ -158,7 +158,7 @@ def _snippets(engine: Any, mechanism: Mechanism, _: float) -> dict[str, str]:
     from .build import load  # loads MuJoCo
 
     model = load(mechanism, engine)
-    points = bool(mechanism.point_stops or mechanism.loop_joints)
+    points = bool(mechanism.point_stops or mechanism.bound_by)
     beside_the_model = {
         "limits taken out when they release": not engine.keep_limits,
         "releases found inside a step": engine.locate_releases,

@@ -179,6 +179,7 @@ _TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
         elements.SlideSpringDamper: (),
         elements.RecordedForce: (),
         elements.RecordedTorque: (),
+        elements.Coupler: (),
     },
 )
 """Fields of elements, besides their points, that depend on their bodies' frames."""

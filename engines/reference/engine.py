@@ -14,6 +14,7 @@ from pydantic import Field
 
 from ...models.arrays import FloatArray
 from ...models.elements import (
+    Coupler,
     CubicTorsionSpring,
     RecordedForce,
     RecordedTorque,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from ...reference.solution import Solution
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
+    Coupler,
     CubicTorsionSpring,
     RecordedForce,
     RecordedTorque,

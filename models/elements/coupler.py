@@ -1,4 +1,4 @@
-"""A linear relation between coordinates: gears, racks, MuJoCo's equalities of joints and tendons."""
+"""A linear relation of coordinates: gears, racks, MuJoCo's equalities of joints and tendons."""
 
 from __future__ import annotations
 

@@ -23,6 +23,7 @@ from ..elements import (
     AnyJoint,
     ConstantForce,
     ConstantTorque,
+    Coupler,
     CubicTorsionSpring,
     ElementTable,
     PointStop,
@@ -42,6 +43,7 @@ from .tree import (
     add_angle_tendon,
     from_origin,
     hinge_weights,
+    joint_weights,
     number,
     numbers,
     slide_joints,
@@ -166,7 +168,7 @@ class Points:
             pair = add(default, "pair", soft, condim="1")
             if numerics.margin is not None:  # what rounding makes of a gap of zero
                 pair.set("margin", number(numerics.margin * max(1.0, self.reach)))
-        if soft and (self.pins or self.turned):
+        if soft and (self.pins or self.turned or self.mechanism.couplers):
             add(default, "equality", soft)
 
     def add_points(self, element: ET.Element, body: str, origin: Vector) -> None:
@@ -222,7 +224,8 @@ class Points:
                 pair = add(contact, "pair", wall.geoms, name=wall.name)
                 if not wall.visible and numerics.margin_of_slots is not None:
                     pair.set("margin", number(numerics.margin_of_slots))
-        if self.pins or self.turned:
+        couplers = self.mechanism.couplers
+        if self.pins or self.turned or couplers:
             equality, angles = add(root, "equality"), start_angles(self.mechanism)
             for pin in self.pins:
                 sites = {"site1": f"{pin.name}/joint", "site2": f"{pin.name}/anchor"}
@@ -232,16 +235,34 @@ class Points:
                 missing = (joint.turned_by or 0.0) - (angles[joint.child] - angles[joint.parent])
                 held, name = (math.remainder(missing, 2 * math.pi), 0, 0, 0, 0), _angle(joint)
                 add(equality, "tendon", name=name, tendon1=name, polycoef=held)
+            residual = self.mechanism.coupler_residual
+            for coupler in couplers:
+                held, name = (-residual[coupler.name], 0, 0, 0, 0), _sum(coupler)
+                add(equality, "tendon", name=name, tendon1=name, polycoef=held)
 
     def add_tendons(self, tendon: ET.Element) -> None:
-        """Angles that joints that close loops hold."""
+        """Angles that joints that close loops hold, and sums that couplers do."""
         for joint in self.turned:
             bodies = (joint.child, joint.parent)
             add_angle_tendon(tendon, self.mechanism, bodies, name=_angle(joint))
+        for coupler in self.mechanism.couplers:
+            fixed = add(tendon, "fixed", name=_sum(coupler))
+            for name, weight in joint_weights(self.mechanism, coupler.weights).items():
+                add(fixed, "joint", joint=name, coef=weight)
+
+    @property
+    def needs_tendons(self) -> bool:
+        """Tell whether any of them is a tendon."""
+        return bool(self.turned or self.mechanism.couplers)
 
     def add_stop_sensor(self, sensor: ET.Element, stop: PointStop) -> None:
         """Add the force of a stop on a point: first component in the contact's frame [N]."""
         add(sensor, "contact", _wall(stop).geoms, name=torque_sensor(stop.name), data="force")
+
+
+def _sum(coupler: Coupler) -> str:
+    """Name of the tendon and the equality of what a coupler holds."""
+    return f"{coupler.name}/{coupler.kind}"
 
 
 def _angle(joint: AnyJoint) -> str:

@@ -110,6 +110,22 @@ def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]
     return weights | {name: -1 for name in down if name not in up}
 
 
+def joint_weights(mechanism: Mechanism, weights: Mapping[str, float]) -> dict[str, float]:
+    """Weights of hinges and slides whose sum is that of the changes of coordinates."""
+    turning = {body.angle: body.name for body in mechanism.bodies}
+    slides = {
+        coordinate: name
+        for joint in mechanism.tree_joints
+        for coordinate, name in zip(joint.slides, slide_joints(joint), strict=True)
+    }
+    sums: dict[str, float] = {}
+    for coordinate, weight in weights.items():
+        chain = hinge_chain(mechanism, turning[coordinate]) if coordinate in turning else ()
+        for name in chain or (slides[coordinate],):
+            sums[name] = sums.get(name, 0.0) + weight
+    return sums
+
+
 def add_angle_tendon(
     tendon: ET.Element,
     mechanism: Mechanism,

@@ -267,7 +267,7 @@ class _Writer:
         self.points.add_constraints(root, numerics)
         if self.thrown:
             self.thrown.add_constraints(root)
-        if self.on_tendon or self.points.turned or self.forces.needs_tendons:
+        if self.on_tendon or self.points.needs_tendons or self.forces.needs_tendons:
             self._add_tendons(add(root, "tendon"))
         self.forces.add_actuators(root)
         if self.variant.sensors:

@@ -55,8 +55,9 @@ Real = NDArray[np.floating[Any]]
 Complex = NDArray[np.complexfloating[Any, Any]]
 RealType = type[np.float64] | type[np.longdouble]
 Row = tuple[float, ...] | int | None
-"""Gradient of a constraint: constant, of angles or a coupler; the number of the angle with which the line of a
-point's component turns; or None, of a direction that does not turn: a row of waves."""
+"""Gradient of a constraint: constant, of angles or a coupler; the number of the angle with which
+the line of a point's component turns; or None, of a direction that does not turn: a row of waves.
+"""
 
 PROJECTILE = "projectile"
 

@@ -1,0 +1,103 @@
+"""Couplers in the engines that build them: order of the error, forces of joints, built models."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import trebucheck as tb
+from mechanisms import geared, misplaced, pin
+from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.reference.solver import solve
+
+END = 1.0
+
+
+def two_rods() -> tb.Mechanism:
+    """A double pendulum whose second rod is geared to the first: two angles, in every engine."""
+    return tb.Mechanism(
+        name="geared rods",
+        bodies=(
+            tb.Body(name="first", angle="alpha", mass=2.0, centre=(0.3, 0.0), inertia=0.1),
+            tb.Body(name="second", angle="beta", mass=1.0, centre=(0.0, -0.2), inertia=0.3),
+        ),
+        joints=(
+            pin("axle", "ground", "first"),
+            pin("elbow", "first", "second", (1.0, 0.0)),
+        ),
+        couplers=(
+            tb.Coupler(
+                name="gear", coordinate="beta", offset=0.4,
+                terms=(tb.CouplerTerm(coordinate="alpha", ratio=-1.7),),
+            ),
+        ),
+        markers=(tb.Marker(name="tip", body="second", point=(0.2, -0.5)),),
+        gravity=9.81,
+        start=(0.3, 0.4 - 1.7 * 0.3),
+    )  # fmt: skip
+
+
+CASES = [("mujoco", geared()), ("mujoco", two_rods()), ("exudyn", two_rods())]
+by_case = pytest.mark.parametrize(
+    ("name", "mechanism"), CASES, ids=lambda case: case if isinstance(case, str) else case.name
+)
+
+
+@by_case
+@pytest.mark.parametrize("preset", ["assisted", "settings"])
+def test_the_error_falls_with_the_square_of_the_step(
+    name: str, mechanism: tb.Mechanism, preset: str
+) -> None:
+    problem = tb.Problem(mechanism, END)
+    exact, errors = solve(problem), list[float]()
+    for step in (4e-3, 2e-3):
+        trajectory = tb.engine(name, preset, timestep=step).simulate(problem)
+        errors.append(misplaced(trajectory, exact))
+    # Both are of second order at least; softness and Newton's tolerance leave some of it.
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] > 2.0 or errors[1] < 1e-8
+
+
+@by_case
+def test_forces_of_joints_are_those_of_the_reference(name: str, mechanism: tb.Mechanism) -> None:
+    problem = tb.Problem(mechanism, END)
+    trajectory = tb.engine(name, timestep=1e-3).simulate(problem)
+    exact = solve(problem).trajectory(trajectory.t)
+    for joint in mechanism.joints:
+        largest = np.abs(exact.joint_reactions[joint.name]).max()
+        found = trajectory.joint_reactions[joint.name]
+        assert np.abs(found - exact.joint_reactions[joint.name]).max() < 1e-3 * largest
+
+
+@by_case
+def test_the_built_model_is_the_mechanism(name: str, mechanism: tb.Mechanism) -> None:
+    equality = check_model(tb.engine(name), mechanism)
+    assert equality.exposed
+    assert equality.holds, equality.broken
+
+
+@by_case
+def test_a_wrong_ratio_is_found(name: str, mechanism: tb.Mechanism) -> None:
+    """A mechanism whose gear is off by a thousandth is another one, by its model and its motion."""
+    engine = tb.engine(name)
+
+    class Wrong(type(engine)):  # type: ignore[misc]
+        def inspect(self, mechanism: tb.Mechanism, states: Any) -> Any:
+            return super().inspect(wrong(mechanism), states)
+
+    def wrong(mechanism: tb.Mechanism) -> tb.Mechanism:
+        (gear, *others) = mechanism.couplers
+        (term,) = gear.terms
+        changed = term.model_copy(update={"ratio": term.ratio * 1.001})
+        gear = gear.model_copy(update={"terms": (changed,)})
+        return mechanism.model_copy(update={"couplers": (gear, *others)})
+
+    assert not check_model(Wrong(), mechanism).holds
+
+
+def test_what_an_engine_does_not_build_is_refused_by_name() -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match=r"gear|rack"):
+        tb.engine("exudyn").simulate(tb.Problem(geared(), END))
+    with pytest.raises(tb.UnsupportedProblemError, match=r"couplers of coordinates \('gear'"):
+        tb.engine("pymunk").simulate(tb.Problem(geared(), END))
