@@ -19,10 +19,13 @@ class RandomModel:
         seed: of its numbers.
         plane: "xz", "xy", "yz" or "any".
         loop: whether two bodies are connected.
+        coupled: whether joints follow others.
     """
 
-    def __init__(self, seed: int, plane: str = "any", loop: bool = False) -> None:
-        self.random, self.loop = np.random.default_rng(seed), loop
+    def __init__(
+        self, seed: int, plane: str = "any", loop: bool = False, *, coupled: bool = False
+    ) -> None:
+        self.random, self.loop, self.coupled = np.random.default_rng(seed), loop, coupled
         self.turn = self._plane(plane)
         self.joints: list[tuple[str, str]] = []
         self.bodies: list[str] = []
@@ -165,15 +168,29 @@ class RandomModel:
         return f"<actuator>{''.join(texts)}</actuator>" if texts else ""
 
     def _equalities(self) -> str:
+        texts = self._loops() + self._couplings()
+        return f"<equality>{''.join(texts)}</equality>" if texts else ""
+
+    def _loops(self) -> list[str]:
         if not self.loop or len(self.bodies) < 2:
-            return ""
+            return []
         one, other = self.random.choice(self.bodies, 2, replace=False)
         if self._some():
-            return (
-                f'<equality><connect body1="{one}" body2="{other}" '
-                f'anchor="{self._in_plane(0.4)}"/></equality>'
-            )
-        return f'<equality><weld body1="{one}" body2="{other}"/></equality>'
+            return [f'<connect body1="{one}" body2="{other}" anchor="{self._in_plane(0.4)}"/>']
+        return [f'<weld body1="{one}" body2="{other}"/>']
+
+    def _couplings(self) -> list[str]:
+        """Equalities of joints and of a tendon, which hold at the start."""
+        if not self.coupled or len(self.joints) < 3:
+            return []
+        names = [name for name, _ in self.joints]
+        one, other = self.random.choice(names[2:], 1)[0], self.random.choice(names[:2], 1)[0]
+        texts = [
+            f'<joint joint1="{one}" joint2="{other}" polycoef="0 {self._number(-2, 2)!r} 0 0 0"/>'
+        ]
+        if self.tendon:
+            texts.append('<tendon tendon1="rope"/>')
+        return texts
 
     def controls(self) -> list[float]:
         """Random controls."""

@@ -144,12 +144,24 @@ def largest_difference(read: ModelFile) -> tuple[float, str]:
     from ...reference.equations import Equations
 
     mechanism, states = read.mechanism, read.random_states(_STATES)
-    free = mechanism.model_copy(update={"joints": mechanism.tree_joints, "stops": ()})
+    bare: dict[str, Any] = {"joints": mechanism.tree_joints, "stops": (), "couplers": ()}
+    free = mechanism.model_copy(update=bare)
     kinematics = Kinematics(mechanism)
     equations = Equations(free)
     accelerations = np.empty_like(states.q)
     for i, acting in free.at_times(states.t):
         accelerations[i] = Equations(acting).solve(states.q[i], states.u[i], ())[0]
+    for kind, names, known in (
+        ("stops", {stop.name for stop in mechanism.stops}, states.gaps),
+        ("loop joints", {joint.name for joint in mechanism.loop_joints}, states.loops),
+        ("couplers", {coupler.name for coupler in mechanism.couplers}, states.couplers),
+    ):
+        if names != set(known):
+            raise SimulationError(
+                f"{mechanism.name!r} was not read rightly: it has the {kind} "
+                f"{', '.join(sorted(names)) or 'none'}, the engine's model "
+                f"{', '.join(sorted(known)) or 'none'}."
+            )
     pairs = list[tuple[str, FloatArray, FloatArray]]()
     if states.mass is not None:
         pairs.append(("the mass matrix", equations.mass_matrix(states.q), states.mass))
@@ -174,6 +186,12 @@ def largest_difference(read: ModelFile) -> tuple[float, str]:
         if joint.turned_by is not None:
             turned = kinematics.angle(joint.child, joint.parent).value(states.q) - joint.turned_by
             pairs.append((f"the angle of {joint.name!r}", np.abs(np.sin(turned / 2)), angle))
+    of_closure = len(kinematics.loop_closures) - len(mechanism.couplers)
+    for coupler, closure in zip(
+        mechanism.couplers, kinematics.loop_closures[of_closure:], strict=True
+    ):
+        residual = closure.value(states.q)
+        pairs.append((f"what {coupler.name!r} holds", residual, states.couplers[coupler.name]))
     largest, worst = float(np.abs(states.a).max()), (0.0, "")
     for what, ours, expected in pairs:
         # Rounding is that of the largest acceleration, or of lengths of 1 m.

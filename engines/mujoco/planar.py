@@ -30,6 +30,8 @@ from ...models.elements import (
     AnyStop,
     ConstantForce,
     ConstantTorque,
+    Coupler,
+    CouplerTerm,
     FreeJoint,
     PinJoint,
     PointStop,
@@ -56,6 +58,7 @@ from .motion import raised_warnings
 
 _ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
 _LONGEST_NAME = 60
+_ROUNDED = 1e-13  # of the largest of several weights: rounding of their sums
 _FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
 _FASTEST = 2.0  # [rad/s, m/s]
 
@@ -141,6 +144,8 @@ class PlanarModel:
     """Number of each marker's site."""
     equalities: Mapping[str, int]
     """Number of each loop joint's equality."""
+    couplings: Mapping[str, tuple[int, float]]
+    """Number of each coupler's equality, and its residual by that of the coupler."""
     left_out: tuple[str, ...]
     """Features of the model that the mechanism has not, each in a few words."""
 
@@ -318,23 +323,33 @@ class PlanarModel:
                 name: (np.array(closed)[:, k, 0], np.array(closed)[:, k, 1])
                 for k, name in enumerate(self.equalities)
             },
+            couplers={
+                name: np.array(closed)[:, k, 0] / factor
+                for k, (name, (_, factor)) in enumerate(
+                    self.couplings.items(), start=len(self.equalities)
+                )
+            },
         )
 
     def _loops(self, data: Any) -> FloatArray:
         """MuJoCo's residuals of the equalities at a state, as distance and |sin| of half an angle.
 
-        Shape (n_equalities, 2).
+        Those of couplers come last, with their sign. Shape (n_equalities, 2).
         """
-        model, residuals = self.model, np.zeros((len(self.equalities), 2))
-        if not self.equalities:
+        coupled = [index for index, _ in self.couplings.values()]
+        model, residuals = self.model, np.zeros((len(self.equalities) + len(coupled), 2))
+        if not len(residuals):
             return residuals
         before = model.opt.disableflags
         flags = mujoco.mjtDisableBit
         model.opt.disableflags = (before & ~int(flags.mjDSBL_CONSTRAINT)) | flags.mjDSBL_LIMIT
         mujoco.mj_forward(model, data)
-        for k, index in enumerate(self.equalities.values()):
+        for k, index in enumerate((*self.equalities.values(), *coupled)):
             is_row = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
             rows = np.array(data.efc_pos)[is_row & (data.efc_id == index)]
+            if k >= len(self.equalities):
+                residuals[k, 0] = float(rows[0])
+                continue
             residuals[k, 0] = np.linalg.norm(rows[:3])
             if len(rows) > 3:  # a weld
                 residuals[k, 1] = np.linalg.norm(rows[3:]) / model.eq_data[index, 10]
@@ -488,6 +503,11 @@ class _Reader:
     made: dict[int, _Made] = field(default_factory=dict[int, "_Made"])
     slides: list[tuple[str, FloatArray]] = field(default_factory=list[tuple[str, FloatArray]])
     """Slide coordinates, each with its row of C."""
+    sums: list[tuple[int, str, FloatArray, float]] = field(
+        default_factory=list[tuple[int, str, FloatArray, float]]
+    )
+    """Equalities of joints or tendons: number, name, row over qpos, and what it holds that at."""
+    couplings: dict[str, tuple[int, float]] = field(default_factory=dict[str, tuple[int, float]])
 
     def read(self) -> PlanarModel:
         """Read all."""
@@ -518,6 +538,7 @@ class _Reader:
             stops=tuple(self.stops),
             markers=tuple(self._markers()),
             force_elements=tuple(self.forces),
+            couplers=tuple(self._couplers(rows, offset)),
             gravity=size,
             gravity_direction=_unit(gravity / size) if size else (0.0, -1.0),
             start=tuple((offset + rows @ self.qpos).tolist()),
@@ -525,7 +546,8 @@ class _Reader:
         )
         return PlanarModel(
             mechanism, self.model, self.given, self.qpos, self.qvel, self.plane, rows, offset,
-            self.controls, self.limits, self.sites, self.equalities, tuple(self.left_out),
+            self.controls, self.limits, self.sites, self.equalities, self.couplings,
+            tuple(self.left_out),
         )  # fmt: skip
 
     # --- features
@@ -944,6 +966,9 @@ class _Reader:
                 continue
             kind = mujoco.mjtEq(int(model.eq_type[k]))
             is_weld = kind == mujoco.mjtEq.mjEQ_WELD
+            if kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_TENDON):
+                self._note_sum(k, name)
+                continue
             if not is_weld and kind != mujoco.mjtEq.mjEQ_CONNECT:
                 word = kind.name.removeprefix("mjEQ_").lower()
                 raise self._lacks(f"the equality {name!r} is of the kind {word!r}")
@@ -970,6 +995,55 @@ class _Reader:
             "child_point": self._in(child, points[1]),
         }
         self.joints.append(WeldJoint(**fields, angle=turn) if is_weld else PinJoint(**fields))
+
+    def _note_sum(self, k: int, name: str) -> None:
+        """Note an equality of joints or of tendons, one - c1 other = c0 from `qpos0` on."""
+        model, numbers = self.model, np.array(self.model.eq_data[k])
+        one, other = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+        row, shift = self._length(k, one, name), float(numbers[0])
+        if other >= 0:
+            if numbers[2:5].any():
+                raise self._lacks(f"the equality {name!r} is not linear")
+            row -= float(numbers[1]) * self._length(k, other, name)
+        if not row.any():
+            raise self._lacks(f"the equality {name!r} holds nothing that moves")
+        self.sums.append((k, name, row, shift + float(row @ model.qpos0)))
+
+    def _length(self, k: int, index: int, name: str) -> FloatArray:
+        """Row over qpos of the joint or tendon of an equality."""
+        model, row = self.model, np.zeros(self.model.nq)
+        if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT:
+            row[int(model.jnt_qposadr[index])] = 1.0
+            return row
+        for w in self._wraps(index):
+            if model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT:
+                raise self._lacks(f"the equality {name!r} is of a tendon between sites")
+            row[int(model.jnt_qposadr[int(model.wrap_objid[w])])] += float(model.wrap_prm[w])
+        return row
+
+    def _couplers(self, rows: FloatArray, offset: FloatArray) -> Iterator[Coupler]:
+        """Equalities of joints and tendons in the coordinates q = offset + rows qpos."""
+        names = [body.angle for body in self.bodies if body.angle is not None]
+        names += [name for name, _ in self.slides]
+        for k, name, row, held in self.sums:
+            weights = np.linalg.solve(rows.T, row)
+            largest = np.abs(weights).max()
+            # The outermost that has half of the largest weight follows the others.
+            follows = int(np.flatnonzero(np.abs(weights) >= 0.5 * largest)[-1])
+            factor = float(weights[follows])
+            terms = tuple(
+                CouplerTerm(coordinate=names[i], ratio=-float(weights[i]) / factor)
+                for i in np.flatnonzero(np.abs(weights) > _ROUNDED * largest).tolist()
+                if i != follows
+            )
+            coupler = self.joint_names.new(name, "")
+            self.couplings[coupler] = k, factor
+            yield Coupler(
+                name=coupler,
+                coordinate=names[follows],
+                terms=terms,
+                offset=(held + float(weights @ offset)) / factor,
+            )
 
     def _between_sites(self, k: int) -> _Ends:
         data, sites = self.data, (int(self.model.eq_obj1id[k]), int(self.model.eq_obj2id[k]))

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 import trebucheck as tb
+from mechanisms import geared
 from model_files import RandomModel
 from trebucheck.comparisons.runs.model_files import largest_difference, read_model_file
 from trebucheck.engines.study import ModelStart
@@ -19,6 +20,7 @@ from trebucheck.models.controls import ControlRecord
 from trebucheck.models.elements import SlideSpringDamper
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.problem import mechanism_of
+from trebucheck.reference.certification.redundant import RedundantSystem
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solver import solve
 
@@ -74,6 +76,19 @@ def test_random_models_are_read_as_they_are(seed: int) -> None:
     MODEL.mj_energyVel(read.model, data)
     q, u = read.coordinates(np.array(data.qpos)), read.speeds(np.array(data.qvel))
     assert float(kinematics.kinetic_energy(q, u)) == pytest.approx(data.energy[1], rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(200, 212))
+def test_random_models_of_coupled_joints_are_read_as_they_are(seed: int) -> None:
+    """Reading holds what the couplers hold against MuJoCo; the two formulations are independent."""
+    random = RandomModel(seed, PLANES[seed % 4], loop=seed % 4 == 0, coupled=True)
+    text = random.text(2 + seed % 5)
+    read: Any = read_model_file(text, ModelStart(ctrl=random.controls()))
+    mechanism = read.mechanism
+    assert len(mechanism.couplers) == text.count("<joint joint1") + text.count("<tendon tendon1")
+    q, u = np.array(mechanism.start), np.zeros(len(mechanism.start))
+    one, other = Equations(mechanism).solve(q, u, ())[0], RedundantSystem(mechanism)
+    assert other.accelerations(other.start, ()) == pytest.approx(one, rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(100, 106))
@@ -320,6 +335,13 @@ def inline(body: str, extra: str = "") -> str:
 HINGE = '<joint name="j" type="hinge" axis="0 1 0"/>'
 
 
+def two_hinges(equality: str, tendons: str = "") -> str:
+    """A double pendulum with an equality."""
+    hinge = HINGE.replace('"j"', '"k"')
+    inner = f'<body name="c">{hinge}<geom size="0.1"/><site name="on c" pos="1 0 0"/></body>'
+    return inline(f'{HINGE}<site name="on b"/>{inner}', f"{tendons}<equality>{equality}</equality>")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -338,8 +360,22 @@ HINGE = '<joint name="j" type="hinge" axis="0 1 0"/>'
             "activation",
         ),
         (
-            inline(HINGE, '<equality><joint joint1="j" polycoef="0 1 0 0 0"/></equality>'),
-            "joint",
+            two_hinges('<joint name="e" joint1="j" joint2="k" polycoef="0 1 0.5 0 0"/>'),
+            "'e' is not linear",
+        ),
+        (
+            two_hinges(
+                '<tendon name="e" tendon1="t"/>',
+                '<tendon><fixed name="t"><joint joint="j" coef="0"/></fixed></tendon>',
+            ),
+            "'e' holds nothing that moves",
+        ),
+        (
+            two_hinges(
+                '<tendon name="e" tendon1="t"/>',
+                '<tendon><spatial name="t"><site site="on b"/><site site="on c"/></spatial></tendon>',
+            ),
+            "'e' is of a tendon between sites",
         ),
     ],
 )
@@ -688,3 +724,94 @@ def test_tendons_and_forces_that_are_none_here_are_refused(
     with pytest.raises(tb.UnsupportedProblemError) as raised:
         read_model_file(two_links(**how), ModelStart(ctrl=[1.0] if "actuator" in how else None))
     assert message in str(raised.value)
+
+
+GEARS = """<mujoco model="gears">
+  <compiler angle="radian"/>
+  <option timestep="0.0005" integrator="RK4"/>
+  <worldbody>
+    <body name="a">
+      <joint name="a" axis="0 -1 0" ref="0.3"/>
+      <inertial pos="0.3 0 0" mass="2" diaginertia="0.1 0.2 0.1"/>
+      <body name="b" pos="1 0 0">
+        <joint name="b" axis="0 1 0"/>
+        <inertial pos="0 0 0.4" mass="1" diaginertia="0.1 0.2 0.1"/>
+        <body name="c" pos="0 0 1">
+          <joint name="s" type="slide" axis="0.6 0 0.8" ref="0.2"/>
+          <inertial pos="0 0 0" mass="3" diaginertia="0.1 0.2 0.1"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <fixed name="rope"><joint joint="a" coef="0.5"/><joint joint="s" coef="-2"/></fixed>
+  </tendon>
+  <equality>
+    <joint name="gear" joint1="a" joint2="b" polycoef="0.1 -1.7 0 0 0" solref="0.001 1"
+           solimp="0.9999 0.9999 0.001"/>
+    <tendon name="rack" tendon1="rope" polycoef="0.05 0 0 0 0" solref="0.001 1"
+            solimp="0.9999 0.9999 0.001"/>
+  </equality>
+</mujoco>"""
+# a - 0.3 = 0.1 - 1.7 b, and 0.5 (a - 0.3) - 2 (s - 0.2) = 0.05
+GEARED = ModelStart(qpos=[0.23, 0.1, 0.1575])
+
+
+def test_equalities_of_joints_and_tendons_are_couplers() -> None:
+    read: Any = read_model_file(GEARS, GEARED)
+    mechanism = read.mechanism
+    assert [coupler.name for coupler in mechanism.couplers] == ["gear", "rack"]
+    assert largest_difference(read)[0] < 1e-12
+    run = read.moved(0.5, read.options)
+    moved = solve(tb.Problem(mechanism, 0.5)).motion(run.t)
+    # MuJoCo's equalities give way by 1e-4 of what they are asked to hold, at rates of some 10 /s.
+    assert run.q == pytest.approx(moved.q, abs=2e-3)
+    free = mechanism.model_copy(update={"couplers": ()})
+    assert np.abs(run.q - solve(tb.Problem(free, 0.5)).motion(run.t).q).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        lambda c: c.model_copy(update={"offset": 0.0}),
+        lambda c: c.model_copy(update={"offset": c.offset * (1 + 1e-7)}),
+        lambda c: c.model_copy(
+            update={"terms": tuple(t.model_copy(update={"ratio": -t.ratio}) for t in c.terms)}
+        ),
+        lambda c: c.model_copy(update={"terms": ()}),
+        lambda c: c.model_copy(update={"name": "other"}),
+        None,
+    ],
+    ids=["no offset", "offset", "sense", "no terms", "name", "dropped"],
+)
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_coupler_that_was_read_wrongly_is_refused(mistake: Any, which: int) -> None:
+    read: Any = read_model_file(GEARS, GEARED)
+    couplers = list(read.mechanism.couplers)
+    changed = [] if mistake is None else [mistake(couplers[which])]
+    couplers[which : which + 1] = changed
+    mechanism = read.mechanism.model_copy(update={"couplers": tuple(couplers)})
+    with pytest.raises(tb.SimulationError, match="was not read rightly"):
+        largest_difference(dataclasses.replace(read, mechanism=mechanism))
+
+
+@pytest.mark.parametrize("group", ["stops", "joints"])
+def test_what_was_dropped_is_missed(group: str) -> None:
+    """A limit, or the joint that closes the loop."""
+    read: Any = read_model_file(CART, ModelStart(keyframe="leaning"))
+    kept = getattr(read.mechanism, group)[:-1]
+    mechanism = read.mechanism.model_copy(update={group: kept})
+    with pytest.raises(tb.SimulationError, match="was not read rightly"):
+        largest_difference(dataclasses.replace(read, mechanism=mechanism))
+
+
+def test_a_written_coupler_is_read_again(tmp_path: Path) -> None:
+    mechanism, path = geared(), tmp_path / "written.xml"
+    path.write_text(tb.mjcf(mechanism))
+    again = tb.from_mjcf(path)
+    assert len(again.couplers) == len(mechanism.couplers)
+    one, other = (
+        Equations(each).solve(np.array(each.start), np.zeros(3), ())[0]
+        for each in (mechanism, again)
+    )
+    assert other == pytest.approx(one, rel=1e-11)
