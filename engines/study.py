@@ -307,7 +307,7 @@ class ModelStates:
     """Distance of each loop joint's points [m], and |sin| of half the error of its angle, (n,).
     """
     couplers: Mapping[str, FloatArray] = field(default_factory=dict[str, Any])
-    """By how much each coupler's coordinate is off, shape (n,) [rad or m]."""
+    """Error of each coupler's coordinate, shape (n,) [rad or m]."""
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ class AngleFunction:
     constant: float
     coefficients: FloatArray
     is_length: bool = False
-    """Whether its unit is [m]."""
+    """True where its unit is [m], not [rad]."""
 
     @property
     def amplitudes(self) -> FloatArray:

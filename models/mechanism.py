@@ -327,7 +327,7 @@ class Mechanism(Shown, Spec):
 
     @property
     def coupler_residual(self) -> dict[str, float]:
-        """By how much each coupler's coordinate is off at the start [rad or m]."""
+        """Error of each coupler's coordinate at the start [rad or m]."""
         start = dict(zip(self.coordinates, self.start, strict=True))
         return {
             coupler.name: sum(weight * start[name] for name, weight in coupler.weights.items())

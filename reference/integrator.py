@@ -241,17 +241,21 @@ class CompiledIntegrator(Integrator):
 
 
 class Interpolant(DenseOutput):
-    """DOP853's polynomial of seventh degree over one step."""
+    """DOP853's polynomial of seventh degree over one step.
+
+    With the part x of the step it is the start + x (c_0 + (1 - x) (c_1 + x (c_2 + ...))), with the
+    rows c_k of the coefficients, shape (7, n): no change from the start exceeds sum |c_k|.
+    """
 
     def __init__(self, start: float, end: float, y: FloatArray, coefficients: FloatArray) -> None:
         super().__init__(start, end)
-        self._size, self._coefficients = end - start, coefficients
+        self._size, self.coefficients = end - start, coefficients
         # One layout, as in the compiled equations: pickling makes it so.
-        self._y = np.ascontiguousarray(y)
+        self.start_state = np.ascontiguousarray(y)
 
     def _call_impl(self, t: FloatArray) -> FloatArray:
         parts = (np.atleast_1d(t) - self.t_old) / self._size
-        values = kernel().interpolate(parts, self._y, self._coefficients)
+        values = kernel().interpolate(parts, self.start_state, self.coefficients)
         return values if np.ndim(t) else values[:, 0]
 
 

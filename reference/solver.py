@@ -21,13 +21,22 @@ from scipy.optimize import brentq
 from ..models.arrays import FloatArray
 from ..models.elements import refuse_unknown
 from ..models.errors import InputError, SimulationError, UnsupportedProblemError
+from ..models.functions import AngleFunction
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
 from . import TOLERANCE
 from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
-from .integrator import MOST_STEPS, CompiledIntegrator, Integrator, StepLimit, numerical, one_thread
+from .integrator import (
+    MOST_STEPS,
+    CompiledIntegrator,
+    Integrator,
+    Interpolant,
+    StepLimit,
+    numerical,
+    one_thread,
+)
 from .singular import RankWatch, Window, note_singular_start
 from .solution import Segment, Solution
 
@@ -310,15 +319,41 @@ class EventFinder:
         self.initial = initial
         self.functions = functions
         self.n_q = len(equations.mechanism.coordinates)
+        gaps, n_q = equations.kinematics.gaps, self.n_q
+        linear = {
+            function.stop: gap
+            for function in functions
+            if function.closes and isinstance(gap := gaps[function.stop], AngleFunction)
+        }
+        self._linear = tuple(linear)
+        self._rows = np.array([gap.coefficients for gap in linear.values()]).reshape(-1, n_q)
+        self._constants = np.array([gap.constant for gap in linear.values()])
+
+    def _out_of_reach(self, piece: DenseOutput) -> frozenset[str]:
+        """Open stops on angles whose gaps stay positive over a whole step, whatever happens in it.
+
+        A gap that is linear in the coordinates changes by no more than the sum of the sizes of its
+        polynomial's coefficients.
+        """
+        if not self._linear or not isinstance(piece, Interpolant):
+            return frozenset()
+        start, coefficients = piece.start_state[: self.n_q], piece.coefficients[:, : self.n_q]
+        change = np.abs(coefficients @ self._rows.T).sum(axis=0)
+        far = self._rows @ start + self._constants > change + _ROUNDING
+        return frozenset(name for name, is_far in zip(self._linear, far, strict=True) if is_far)
 
     def first(self, piece: DenseOutput, t0: float, t1: float) -> list[Event]:
         """The earliest events between t0 and t1 [s], all of one instant; or none."""
         if not self.functions:
             return []
+        far = self._out_of_reach(piece)
+        near = [f for f in self.functions if not (f.closes and f.stop in far)]
+        if not near:
+            return []
         times = t0 + _PROBES * (t1 - t0)
         states = np.asarray(piece(times)).T
         crossings: list[tuple[float, EventFunction]] = []
-        for function in self.functions:
+        for function in near:
             locate = self._closing if function.closes else self._release
             root = locate(function.stop, piece, times, states)
             if root is not None:

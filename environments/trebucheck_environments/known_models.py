@@ -39,6 +39,7 @@ UNTIL, ACCURACY = 10.0, 1e-3  # [s], [m]
 TIMES = (1.0, 5.0, 10.0)  # [s]
 TURNED, RAISED = 0.1, 5.0  # [rad], [m] from the position of the file
 INSIDE = 0.4  # of the range of a limited joint
+_ITERATIONS = 10  # of Newton, onto equalities
 _UPWARD = 0.5  # part of a slide's axis
 HALF = 0.5  # least share of a cause that is named
 PART = 0.1  # of the range of a control
@@ -124,6 +125,24 @@ def start_of(model: Any) -> FloatArray:
             qpos[address] += TURNED
         elif kind == MUJOCO.mjtJoint.mjJNT_SLIDE and abs(model.jnt_axis[joint][2]) > _UPWARD:
             qpos[address] += RAISED * np.sign(model.jnt_axis[joint][2])
+    return closed(model, qpos) if model.neq else qpos
+
+
+def closed(model: Any, qpos: FloatArray) -> FloatArray:
+    """The nearest position in which a model's equalities hold, by Newton's iteration."""
+    data, qpos = MUJOCO.MjData(model), np.array(qpos)
+    for _ in range(_ITERATIONS):
+        data.qpos[:] = qpos
+        MUJOCO.mj_forward(model, data)
+        of_equality = data.efc_type == int(MUJOCO.mjtConstraint.mjCNSTR_EQUALITY)
+        rows = np.zeros((data.nefc, model.nv))
+        if MUJOCO.mj_isSparse(model):
+            MUJOCO.mju_sparse2dense(
+                rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+            )
+        else:
+            rows[:] = np.reshape(data.efc_J, (data.nefc, model.nv))
+        qpos -= np.linalg.pinv(rows[of_equality]) @ data.efc_pos[of_equality]
     return qpos
 
 

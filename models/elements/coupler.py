@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class CouplerTerm(Spec):
-    """What a coordinate adds to another one that follows it."""
+    """Share of a coordinate in another one, which follows it."""
 
     coordinate: Name = Field(description="name of the coordinate that is followed")
     ratio: Real = Field(

@@ -281,7 +281,7 @@ class _Couplers:
         return len(self._offsets)
 
     def values(self, x: FloatArray) -> FloatArray:
-        """By how much each is off, shape (n,) [rad or m]."""
+        """Error of each one's coordinate, shape (n,) [rad or m]."""
         return self._angles @ x + self._slides @ self._free.values(x) - self._offsets
 
     def derivatives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:

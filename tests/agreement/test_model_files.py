@@ -373,7 +373,8 @@ def two_hinges(equality: str, tendons: str = "") -> str:
         (
             two_hinges(
                 '<tendon name="e" tendon1="t"/>',
-                '<tendon><spatial name="t"><site site="on b"/><site site="on c"/></spatial></tendon>',
+                '<tendon><spatial name="t"><site site="on b"/><site site="on c"/></spatial>'
+                "</tendon>",
             ),
             "'e' is of a tendon between sites",
         ),
