@@ -276,7 +276,7 @@ class PlanarModel:
             found = self.stepper.stepped(model, self._start(model), controls)
         except NotImplementedError as error:
             raise UnsupportedProblemError(
-                f"{self.engine} cannot move the file of {self.mechanism.name!r}: "
+                f"{self.engine} has not what the file of {self.mechanism.name!r} needs: "
                 f"{str(error).rstrip('.')}."
             ) from error
         if not (np.isfinite(found.qpos).all() and np.isfinite(found.qvel).all()):

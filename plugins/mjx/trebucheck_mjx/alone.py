@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import lru_cache
 from time import process_time
 from typing import Any
 
@@ -34,7 +34,17 @@ from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import PointMotion
 from trebucheck_toolkit.constrained import subtree_sums
 
-from .build import KEPT, Given, jax, mjx, mujoco, of_a_step, on_device, without_sensors
+from .build import (
+    KEPT,
+    Given,
+    jax,
+    mjx,
+    mujoco,
+    of_a_step,
+    on_device,
+    use_precision,
+    without_sensors,
+)
 
 CHUNK = 100
 """Steps, and readings, of one call of what is compiled."""
@@ -65,7 +75,7 @@ def run_alone(problem: Problem, options: MujocoOptions, *, double: bool) -> Reco
         NotImplementedError: MJX has not what the model needs; its own words.
     """
     mechanism, steps = problem.mechanism, whole_steps(problem.duration, options.timestep)
-    jax.config.update("jax_enable_x64", double)
+    use_precision(double=double)
     bare, sensing = (
         Given(model_text(mechanism, options, sensors=sensors), double, mechanism)
         for sensors in (False, True)
@@ -143,18 +153,17 @@ def stepped(model: Any, start: Any, controls: FloatArray, *, double: bool) -> St
     Raises:
         NotImplementedError: MJX has not what the model needs; its own words.
     """
-    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
-        raise NotImplementedError("it takes the flag sleep, and nothing sleeps")
-    jax.config.update("jax_enable_x64", double)
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:  # it takes it, and none sleeps
+        raise NotImplementedError("the flag sleep")
+    use_precision(double=double)
     mjx_model, data = on_device(model, start)
     data, steps = of_a_step(mjx_model, data), len(controls)
     # What is compiled has CHUNK steps: those beyond the end are not read.
     padded = np.pad(controls, ((0, -steps % CHUNK), (0, 0)), mode="edge").astype(data.ctrl.dtype)
-    chunks, advance = list[Any](), _advance(double)
-    jax.block_until_ready(advance(mjx_model, data, padded[:CHUNK]))  # compiles
-    began = process_time()
+    jax.block_until_ready(_advance(mjx_model, data, padded[:CHUNK]))  # compiles
+    chunks, began = list[Any](), process_time()
     for first in range(0, steps, CHUNK):
-        data, chunk = advance(mjx_model, data, padded[first : first + CHUNK])
+        data, chunk = _advance(mjx_model, data, padded[first : first + CHUNK])
         chunks.append(chunk)
     jax.block_until_ready(chunks)
     spent = process_time() - began
@@ -167,20 +176,19 @@ def stepped(model: Any, start: Any, controls: FloatArray, *, double: bool) -> St
     )
 
 
-@cache
-def _advance(double: bool) -> Any:
+@jax.jit
+def _advance(mjx_model: Any, data: Any, controls: Any) -> Any:
     """Data after a step for each row of controls, and after each the state and whether it touches.
 
-    The model is an argument: at another time step, or stiffer, it is the same program. One function
-    in both precisions would mix them: JAX keeps constants of its trace.
+    The model is an argument: at another time step, or stiffer, it is the same program.
     """
 
-    def step(mjx_model: Any, data: Any, control: Any) -> tuple[Any, tuple[Any, Any, Any]]:
+    def step(data: Any, control: Any) -> tuple[Any, tuple[Any, Any, Any]]:
         data = mjx.step(mjx_model, data.replace(ctrl=control))
         contact = data._impl.contact
         return data, (data.qpos, data.qvel, (contact.dist < contact.includemargin).any())
 
-    return jax.jit(lambda model, *args: jax.lax.scan(partial(step, model), *args))
+    return jax.lax.scan(step, data, controls)
 
 
 class _Looks:

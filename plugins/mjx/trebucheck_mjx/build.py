@@ -35,6 +35,17 @@ KEPT = 2
 keep_compiled()
 
 
+def use_precision(*, double: bool) -> None:
+    """Have JAX compute in double or single precision from now on.
+
+    Where the other one was used before, JAX would take constants of what it has traced then: MJX's
+    RK4 fails so.
+    """
+    if jax.config.jax_enable_x64 is not double:
+        jax.clear_caches()
+        jax.config.update("jax_enable_x64", double)
+
+
 @dataclass(frozen=True)
 class Given:
     """A model that JAX compiles functions of; equal to another one of the same text."""
@@ -52,7 +63,7 @@ class Built(CompiledModel):
 
     def __init__(self, mechanism: Mechanism, timestep: float, *, double: bool) -> None:
         """Build and compile; in single precision unless `double`."""
-        jax.config.update("jax_enable_x64", double)
+        use_precision(double=double)
         found = _functions(Given(mjcf(mechanism, timestep), double, mechanism))
         super().__init__(mechanism, found.model)
         self.first = found.data.qpos, found.data.qvel

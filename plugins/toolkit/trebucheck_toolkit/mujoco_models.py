@@ -283,7 +283,7 @@ class GivenCompiledModel(GivenModel):
         for option in self.ignored:
             value = getattr(model.opt, option)
             if value:
-                raise NotImplementedError(f"it passes over the option {option} = {value}")
+                raise NotImplementedError(f"the option {option} = {value}")
         return self._stepped(model, start, controls)
 
     @abstractmethod
