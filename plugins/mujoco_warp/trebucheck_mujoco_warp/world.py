@@ -26,6 +26,7 @@ from trebucheck.models.problem import Problem
 from trebucheck_toolkit.mujoco_models import CompiledModel, Seen
 
 wp.config.log_level = wp.LOG_WARNING  # else it prints a line for each kernel that it loads
+_PUSHES = 1  # in a contact's type; others are sensors'
 
 
 class World:
@@ -96,7 +97,7 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
 
 
 def stepped(model: Any, start: Any, controls: FloatArray) -> SteppedModel:
-    """Step a model as a file has it; contacts that only sensors look for are none."""
+    """Step a model as a file has it."""
     world, contact, spent = World(model, start), None, 0.0
     states = [(world.numbers("qpos"), world.numbers("qvel"))]
     kinds, count = world.data.contact.type.numpy(), world.data.nacon.numpy()
@@ -107,8 +108,7 @@ def stepped(model: Any, start: Any, controls: FloatArray) -> SteppedModel:
         advance()
         spent += process_time() - began
         states.append((world.numbers("qpos"), world.numbers("qvel")))
-        found = kinds[: count[0]] & mjw.ContactType.CONSTRAINT
-        if contact is None and found.any():
+        if contact is None and (kinds[: count[0]] & _PUSHES).any():
             contact = k
     if contact is None:
         world.refuse_overflow()
