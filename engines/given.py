@@ -229,7 +229,7 @@ class SteppedModel:
     contact: int | None
     """Number of the first step in which bodies touch, from 0; None: they never do."""
     processor_time: float
-    """Of the steps alone [s]."""
+    """Processor time of the steps alone [s]."""
 
 
 class ModelStepper(Protocol):

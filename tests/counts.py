@@ -37,9 +37,9 @@ RotationalSpringDamper CubicTorsionSpring ConstantForce ConstantTorque
 ELEMENTS = frozenset(ELEMENT_CLASSES.split())
 
 CEILINGS: dict[str, float] = {
-    # Files that people have are read and audited, with recorded controls, and moved as engines;
-    # five elements, extrema of proofs
-    "lines": 74050,
+    # Files that people have are read and audited, with recorded controls, and moved as engines, by
+    # others that step MuJoCo's models as well; five elements, extrema of proofs
+    "lines": 74125,
     # A process that throws machines imports no engine: what it does is a module. What a mechanism
     # was read from, and what moves that file as it is, are one each
     "modules": 287,

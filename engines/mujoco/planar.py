@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import combinations
 from time import process_time
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -119,8 +119,8 @@ class Plane:
 class MujocoStepper:
     """MuJoCo's own steps."""
 
-    engine: ClassVar[str] = "mujoco"
-    integrators: ClassVar[tuple[str, ...]] = _INTEGRATORS
+    engine = "mujoco"
+    integrators = _INTEGRATORS
 
     @property
     def engine_version(self) -> str:

@@ -258,7 +258,6 @@ class GivenCompiledModel(GivenModel):
     option of a file: it is an option here.
     """
 
-    integrators: ClassVar[tuple[str, ...]] = ("Euler", "implicitfast", "RK4")
     ignored: ClassVar[tuple[str, ...]] = ("disableactuator",)
     """Options of MuJoCo that the engine passes over in silence, and that are refused here."""
 
@@ -271,6 +270,11 @@ class GivenCompiledModel(GivenModel):
     def engine_version(self) -> str:
         """Version of the engine here."""
         return self.version()
+
+    @property
+    def integrators(self) -> tuple[str, ...]:
+        """Integrators of MuJoCo that the engine has, too, beside that of a file."""
+        return "Euler", "implicitfast", "RK4"
 
     def read(self, source: ModelSource) -> ModelFile:
         """Read a mechanism again from its file, which is moved with these options."""
