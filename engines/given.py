@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from typing import ClassVar, Self
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -80,10 +81,9 @@ class GivenModel(Spec, ABC):
         """Version of the engine's package; 'not installed' if there is none."""
         return version_of(cls.package)
 
-    @classmethod
     @abstractmethod
-    def read(cls, source: ModelSource) -> ModelFile:
-        """Read a mechanism again from its file.
+    def read(self, source: ModelSource) -> ModelFile:
+        """Read a mechanism again from its file, which is moved with these options.
 
         Raises:
             TrebucheckError: the file cannot be read any more.
@@ -216,6 +216,53 @@ class GivenModel(Spec, ABC):
                 processor_time=run.processor_time,
             ),
         )
+
+
+@dataclass(frozen=True)
+class SteppedModel:
+    """States of a compiled model at the start and after each of n steps."""
+
+    qpos: FloatArray
+    """Shape (n + 1, nq)."""
+    qvel: FloatArray
+    """Shape (n + 1, nv)."""
+    contact: int | None
+    """Number of the first step in which bodies touch, from 0; None: they never do."""
+    processor_time: float
+    """Processor time of the steps alone [s]."""
+
+
+class ModelStepper(Protocol):
+    """An engine that steps MuJoCo's compiled models, as MuJoCo does; :mod:`.mujoco.planar`."""
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+        ...
+
+    @property
+    def engine_version(self) -> str:
+        """Version of the engine here."""
+        ...
+
+    @property
+    def integrators(self) -> tuple[str, ...]:
+        """Integrators that an audit tries."""
+        ...
+
+    def stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        """Step a model, which is the stepper's own, once for each row of controls.
+
+        Args:
+            model: MuJoCo's.
+            start: MuJoCo's data, of which the stepper takes a copy.
+            controls: of all actuators, held for a step, shape (n, nu).
+
+        Raises:
+            SimulationError: the engine gave up.
+            NotImplementedError: the engine has not what the model needs; its own words.
+        """
+        ...
 
 
 def _release(t: FloatArray, gap: FloatArray) -> float | None:

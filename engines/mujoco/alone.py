@@ -6,6 +6,8 @@ same run as a program that needs MuJoCo and NumPy alone.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ...models.arrays import FloatArray
@@ -57,18 +59,23 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
         with timed_reading():
             mujoco.mj_setState(model, data, states[0, -1], STATE)
             mujoco.mj_forward(model, data)
-    with timed_reading():
-        times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
-        samples = Samples(steps=steps)
-        samples.add(
-            times,
-            np.concatenate([before[None], states[0]]),
-            np.concatenate([sensors[0], data.sensordata[None]]),
-        )
-        events = ContactEvents(mechanism, "mujoco")
-        recorded = recording(mechanism, model, stop_constraints(mechanism, model), samples, events)
-        note_own_releases(events, times, recorded.stop_torques)
-        return recorded
+            states = np.concatenate([before[None], states[0]])
+            sensors = np.concatenate([sensors[0], data.sensordata[None]])
+    return recorded("mujoco", mechanism, model, states, sensors)
+
+
+@timed_reading()
+def recorded(
+    engine: str, mechanism: Mechanism, model: Any, states: FloatArray, sensors: FloatArray
+) -> Recording:
+    """Record states, of MuJoCo's layout, at the start and after each step, and sensors there."""
+    steps = len(states) - 1
+    times: FloatArray = float(model.opt.timestep) * np.arange(steps + 1, dtype=np.float64)
+    samples, events = Samples(steps=steps), ContactEvents(mechanism, engine)
+    samples.add(times, states, sensors)
+    found = recording(mechanism, model, stop_constraints(mechanism, model), samples, events)
+    note_own_releases(events, times, found.stop_torques)
+    return found
 
 
 def model_text(mechanism: Mechanism, options: MujocoOptions, *, sensors: bool = True) -> str:

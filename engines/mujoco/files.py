@@ -13,9 +13,10 @@ from ...models.errors import InputError, shortened
 from ...models.files import read_bytes
 from ...models.mechanism import Mechanism
 from ...models.model_source import ModelSource
+from ..given import ModelStepper
 from ..study import ModelStart
 from .compat import CALLBACK, mujoco
-from .planar import PlanarModel, as_name, planar_model
+from .planar import MUJOCO, PlanarModel, as_name, planar_model
 
 _LARGEST = 20_000_000  # [B] of a file
 
@@ -41,8 +42,12 @@ def read_model(source: str | Path | Any, start: ModelStart) -> PlanarModel:
     return replace(read, mechanism=_with_source(read, source, start))
 
 
-def reread(source: ModelSource) -> PlanarModel:
+def reread(source: ModelSource, stepper: ModelStepper = MUJOCO) -> PlanarModel:
     """Read a mechanism again from what it was read from.
+
+    Args:
+        source: the file or its text, with the start.
+        stepper: engine that is to move the file.
 
     Raises:
         InputError: the file cannot be read, or the start is not one of it.
@@ -51,7 +56,7 @@ def reread(source: ModelSource) -> PlanarModel:
     start = ModelStart(None, source.qpos, source.qvel, record, source.without)
     given = source.path or source.text
     assert given is not None  # one of the two is there
-    return read_model(given, start)
+    return replace(read_model(given, start), stepper=stepper)
 
 
 def _with_source(read: PlanarModel, source: str | Path | Any, start: ModelStart) -> Mechanism:

@@ -15,8 +15,7 @@ class GivenMujocoModel(GivenModel):
     name: ClassVar[str] = "mujoco"
     package: ClassVar[str] = "mujoco"
 
-    @classmethod
-    def read(cls, source: ModelSource) -> ModelFile:
+    def read(self, source: ModelSource) -> ModelFile:
         """Read a mechanism again from its file."""
         from .files import reread  # loads MuJoCo
 

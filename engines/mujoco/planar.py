@@ -52,6 +52,7 @@ from ...models.mechanism import Body, Marker, Mechanism
 from ...models.mjcf.tree import number
 from ...models.spec import Vector
 from ..events import whole_steps
+from ..given import ModelStepper, SteppedModel
 from ..study import GivenRun, ModelCause, ModelOptions, ModelStates
 from .compat import mass_matrix, mujoco
 from .motion import raised_warnings
@@ -118,6 +119,45 @@ class Plane:
         return -1 if axis @ self.normal > 0 else 1
 
 
+class MujocoStepper:
+    """MuJoCo's own steps."""
+
+    engine = "mujoco"
+    integrators = _INTEGRATORS
+
+    @property
+    def engine_version(self) -> str:
+        """Version of MuJoCo here."""
+        return str(mujoco.__version__)
+
+    def stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        """Step a model twice: to time the steps alone, and to read each of them."""
+        steps, contact = len(controls), None
+        qpos, qvel = (np.empty((steps + 1, n)) for n in (model.nq, model.nv))
+        changes = [0, *(1 + np.flatnonzero(np.diff(controls, axis=0).any(axis=1))).tolist()]
+        # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        with raised_warnings():
+            data = copy(start)
+            began = process_time()
+            for k, last in zip(changes, (*changes[1:], steps), strict=True):
+                data.ctrl[:] = controls[k]
+                mujoco.mj_step(model, data, nstep=last - k)
+            spent, data = process_time() - began, copy(start)
+            qpos[0], qvel[0] = data.qpos, data.qvel
+            for k in range(steps):
+                data.ctrl[:] = controls[k]
+                mujoco.mj_step(model, data)
+                qpos[k + 1], qvel[k + 1] = data.qpos, data.qvel
+                # Contacts were found at the beginning of the step, which they have changed.
+                if data.ncon and contact is None:
+                    contact = k
+        return SteppedModel(qpos, qvel, contact, spent)
+
+
+MUJOCO: ModelStepper = MujocoStepper()
+
+
 @dataclass(frozen=True)
 class PlanarModel:
     """A mechanism, and how its coordinates follow from the model that it was read from."""
@@ -148,6 +188,8 @@ class PlanarModel:
     """Number of each coupler's equality, and its residual by that of the coupler."""
     left_out: tuple[str, ...]
     """Features of the model that the mechanism has not, each in a few words."""
+    stepper: ModelStepper = MUJOCO
+    """Engine that moves the model; values in single states are MuJoCo's."""
 
     def coordinates(self, qpos: FloatArray) -> FloatArray:
         """Coordinates of MuJoCo's positions, shape (..., n_q)."""
@@ -160,12 +202,12 @@ class PlanarModel:
     @property
     def engine(self) -> str:
         """Name of the engine."""
-        return "mujoco"
+        return self.stepper.engine
 
     @property
     def engine_version(self) -> str:
         """Version of the engine here."""
-        return str(mujoco.__version__)
+        return self.stepper.engine_version
 
     @property
     def options(self) -> ModelOptions:
@@ -178,7 +220,7 @@ class PlanarModel:
     @property
     def integrators(self) -> tuple[str, ...]:
         """Integrators that an audit tries."""
-        return _INTEGRATORS
+        return self.stepper.integrators
 
     @property
     def variants(self) -> tuple[ModelOptions, ...]:
@@ -227,38 +269,33 @@ class PlanarModel:
         """Move the file's own model, nothing left out, for a time [s].
 
         Raises:
-            SimulationError: MuJoCo warned, or its state is not finite any more.
+            SimulationError: the engine gave up, or its state is not finite any more.
+            UnsupportedProblemError: the engine has not what the file needs; its own words.
         """
         model, timestep = self._with(options), options.timestep
         steps = whole_steps(duration, timestep)
-        qpos, qvel = (np.empty((steps + 1, n)) for n in (model.nq, model.nv))
-        contact = None
         t = timestep * np.arange(steps + 1, dtype=np.float64)
         # A step may begin a rounding before the instant that it is to begin at.
-        acting = self.controls.rows(t[:-1] + _SAME_TIME)
-        changes = np.flatnonzero(np.diff(acting, prepend=-1)).tolist()
-        controls = self.controls.values[acting]
-        with raised_warnings():
-            data = self._start(model)
-            began = process_time()
-            for k, last in zip(changes, (*changes[1:], steps), strict=True):
-                data.ctrl[:] = controls[k]
-                mujoco.mj_step(model, data, nstep=last - k)
-            spent, data = process_time() - began, self._start(model)
-            qpos[0], qvel[0] = data.qpos, data.qvel
-            for k in range(1, steps + 1):
-                data.ctrl[:] = controls[k - 1]
-                mujoco.mj_step(model, data)
-                qpos[k], qvel[k] = data.qpos, data.qvel
-                # Contacts were found at the beginning of the step, which they have changed.
-                if data.ncon and contact is None:
-                    contact = (k - 1) * timestep
-        if not (np.isfinite(qpos).all() and np.isfinite(qvel).all()):
+        controls = self.controls.values[self.controls.rows(t[:-1] + _SAME_TIME)]
+        try:
+            found = self.stepper.stepped(model, self._start(model), controls)
+        except NotImplementedError as error:
+            raise UnsupportedProblemError(
+                f"{self.engine} has not what the file of {self.mechanism.name!r} needs: "
+                f"{str(error).rstrip('.')}."
+            ) from error
+        if not (np.isfinite(found.qpos).all() and np.isfinite(found.qvel).all()):
             raise SimulationError(
                 f"{self.mechanism.name!r} diverges with the integrator {options.integrator!r} at a "
                 f"step of {timestep:g} s."
             )
-        return GivenRun(t, self.coordinates(qpos), self.speeds(qvel), contact, spent)
+        return GivenRun(
+            t,
+            self.coordinates(found.qpos),
+            self.speeds(found.qvel),
+            None if found.contact is None else found.contact * timestep,
+            found.processor_time,
+        )
 
     def _with(self, options: ModelOptions) -> Any:
         """The model as it was given, with other options."""
@@ -266,8 +303,6 @@ class PlanarModel:
         integrator = f"{_INTEGRATOR}{options.integrator.upper()}"
         model.opt.integrator = getattr(mujoco.mjtIntegrator, integrator)
         model.opt.timestep = options.timestep
-        # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
-        model.opt.disableflags |= flags.mjDSBL_AUTORESET
         if options.explicit_damping:
             model.opt.disableflags |= flags.mjDSBL_EULERDAMP
         if options.stiff:

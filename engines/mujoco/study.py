@@ -32,7 +32,7 @@ _SEEN_INERTIA = 1e-6
 _SOFTEST_LIMIT = 0.9999  # MuJoCo clamps the impedance there
 
 
-def _causes_of_file(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, ...]:
+def causes_of_file(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, ...]:
     """Causes of a model file's error, moved as it is."""
     causes = [
         Cause("integrator", "the rule of a step, of first order but for RK4",
@@ -51,7 +51,7 @@ def _causes_of_file(settings: Any, constraints: study.ConstraintKinds) -> tuple[
 
 def _causes(settings: Any, constraints: study.ConstraintKinds) -> tuple[Cause, ...]:
     if "solref" not in settings:
-        return _causes_of_file(settings, constraints)
+        return causes_of_file(settings, constraints)
     finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / study.REFINEMENT}
     if settings["solref"] is None:  # it would follow the step
         finer["solref"] = _stiffest(settings, constraints)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.runs.study import Study
+from trebucheck.engines.given import SteppedModel
+from trebucheck.engines.mujoco.files import reread
+from trebucheck.engines.mujoco.planar import MUJOCO
 from trebucheck.engines.presets import GIVEN
+from trebucheck.models.arrays import FloatArray
 from trebucheck.models.controls import ControlRecord
 
 # A body of two links: damped hinges, a limit that is met, a motor, its own step and integrator.
@@ -167,3 +173,44 @@ def test_what_stands_still_has_a_page(tmp_path: Path) -> None:
     found = tb.compare(hanging, "mujoco", [GIVEN], until=0.1, isolate=False, diagnose=False)
     found.write_html(tmp_path / "page.html")
     assert (tmp_path / "page.html").stat().st_size > 0
+
+
+class _OtherEngine:
+    """Steps of MuJoCo's under another name, with a failure where one is asked for."""
+
+    engine, engine_version, integrators = "other", "1", ("Euler",)
+
+    def __init__(self, fails: str = "") -> None:
+        self.fails = fails
+        self.controls = np.zeros((0, 0))
+
+    def stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        if self.fails == "lacks":
+            raise NotImplementedError("no tendons.")
+        self.controls = controls
+        found = MUJOCO.stepped(model, start, controls)
+        if self.fails == "diverges":
+            found.qvel[-1] = np.nan
+        return replace(found, contact=7 if self.fails == "touches" else None)
+
+
+def test_another_engine_brings_its_steps_alone() -> None:
+    record = ControlRecord(np.array([0.0, 0.1]), np.array([[0.5], [-1.0]]))
+    source = _read(ctrl=record).source
+    assert source is not None
+    own, other = reread(source), _OtherEngine()
+    read = reread(source, other)
+    assert (read.engine, read.engine_version, read.integrators) == ("other", "1", ("Euler",))
+    expected, found = (each.moved(UNTIL, read.options) for each in (own, read))
+    assert np.array_equal(found.q, expected.q) and np.array_equal(found.u, expected.u)
+    # The control that a step begins with acts in it.
+    assert np.array_equal(other.controls[:, 0], np.where(np.arange(100) < 25, 0.5, -1.0))
+    assert reread(source, _OtherEngine("touches")).moved(UNTIL, read.options).contact == (
+        pytest.approx(7 * 0.004)
+    )
+    with pytest.raises(tb.UnsupportedProblemError, match=r"^other has not .* 'arm' .* tendons\.$"):
+        reread(source, _OtherEngine("lacks")).moved(UNTIL, read.options)
+    with pytest.raises(tb.SimulationError, match="'arm' diverges with the integrator 'Euler'"):
+        reread(source, _OtherEngine("diverges")).moved(UNTIL, read.options)
+    # What a stepper does to the model it is given stays with it.
+    assert np.array_equal(own.moved(UNTIL, read.options).q, expected.q)

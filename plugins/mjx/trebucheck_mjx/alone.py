@@ -13,10 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from time import process_time
 from typing import Any
 
 import numpy as np
 from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
+from trebucheck.engines.given import SteppedModel
 from trebucheck.engines.mujoco.alone import model_text
 from trebucheck.engines.mujoco.build import Limit, compiled, stop_constraints
 from trebucheck.engines.mujoco.options import MujocoOptions
@@ -32,7 +34,17 @@ from trebucheck.models.problem import Problem
 from trebucheck.models.trajectory import PointMotion
 from trebucheck_toolkit.constrained import subtree_sums
 
-from .build import KEPT, Given, jax, mjx, on_device, without_sensors
+from .build import (
+    KEPT,
+    Given,
+    jax,
+    mjx,
+    mujoco,
+    of_a_step,
+    on_device,
+    use_precision,
+    without_sensors,
+)
 
 CHUNK = 100
 """Steps, and readings, of one call of what is compiled."""
@@ -60,10 +72,10 @@ def run_alone(problem: Problem, options: MujocoOptions, *, double: bool) -> Reco
 
     Raises:
         SimulationError: MuJoCo refused the model.
-        UnsupportedProblemError: MJX has not what the model needs.
+        NotImplementedError: MJX has not what the model needs; its own words.
     """
     mechanism, steps = problem.mechanism, whole_steps(problem.duration, options.timestep)
-    jax.config.update("jax_enable_x64", double)
+    use_precision(double=double)
     bare, sensing = (
         Given(model_text(mechanism, options, sensors=sensors), double, mechanism)
         for sensors in (False, True)
@@ -116,20 +128,16 @@ class _Steps:
 
     Raises:
         SimulationError: MuJoCo refused the model.
-        UnsupportedProblemError: MJX has not what the model needs.
+        NotImplementedError: MJX has not what the model needs; its own words.
     """
 
     def __init__(self, given: Given) -> None:
         model = compiled(given.mechanism, given.text)
-        mjx_model, data = on_device(model, given.mechanism)
+        mjx_model, data = on_device(model)
         of_start = model.key_qpos[0], model.key_qvel[0], data.qacc_warmstart
         self.first = tuple(np.array(each, dtype=np.float64) for each in of_start)
         """States at the start, as :func:`_moved` gives them."""
-        if given.double:
-            # A step gives some indices back in 64 bits, and a scan takes no change of types.
-            after = jax.eval_shape(lambda data: mjx.step(mjx_model, data), data)
-            data = jax.tree.map(lambda a, like: jax.numpy.asarray(a, like.dtype), data, after)
-        self.data = data
+        self.data = of_a_step(mjx_model, data)
 
         def step(data: Any, _: None) -> tuple[Any, tuple[Any, Any, Any]]:
             data = mjx.step(mjx_model, data)
@@ -139,16 +147,60 @@ class _Steps:
         """Data and states after :data:`CHUNK` more steps."""
 
 
+def stepped(model: Any, start: Any, controls: FloatArray, *, double: bool) -> SteppedModel:
+    """Step a model as a file has it; it bears on a contact where its distance is below the margin.
+
+    Raises:
+        NotImplementedError: MJX has not what the model needs; its own words.
+    """
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:  # it takes it, and none sleeps
+        raise NotImplementedError("the flag sleep")
+    use_precision(double=double)
+    mjx_model, data = on_device(model, start)
+    data, steps = of_a_step(mjx_model, data), len(controls)
+    # What is compiled has CHUNK steps: those beyond the end are not read.
+    padded = np.pad(controls, ((0, -steps % CHUNK), (0, 0)), mode="edge").astype(data.ctrl.dtype)
+    jax.block_until_ready(_advance(mjx_model, data, padded[:CHUNK]))  # compiles
+    chunks, began = list[Any](), process_time()
+    for first in range(0, steps, CHUNK):
+        data, chunk = _advance(mjx_model, data, padded[first : first + CHUNK])
+        chunks.append(chunk)
+    jax.block_until_ready(chunks)
+    spent = process_time() - began
+    qpos, qvel, touches = (np.concatenate(each)[:steps] for each in zip(*chunks, strict=True))
+    return SteppedModel(
+        np.vstack([start.qpos, qpos]),
+        np.vstack([start.qvel, qvel]),
+        int(np.argmax(touches)) if touches.any() else None,
+        spent,
+    )
+
+
+@jax.jit
+def _advance(mjx_model: Any, data: Any, controls: Any) -> Any:
+    """Data after a step for each row of controls, and after each the state and whether it touches.
+
+    The model is an argument: at another time step, or stiffer, it is the same program.
+    """
+
+    def step(data: Any, control: Any) -> tuple[Any, tuple[Any, Any, Any]]:
+        data = mjx.step(mjx_model, data.replace(ctrl=control))
+        contact = data._impl.contact
+        return data, (data.qpos, data.qvel, (contact.dist < contact.includemargin).any())
+
+    return jax.lax.scan(step, data, controls)
+
+
 class _Looks:
     """MJX's readings of a model, compiled.
 
     Raises:
-        UnsupportedProblemError: MJX has not what the model needs.
+        NotImplementedError: MJX has not what the model needs; its own words.
     """
 
     def __init__(self, given: Given) -> None:
         self.model = without_sensors(given.text)
-        mjx_model, data = on_device(self.model, given.mechanism)
+        mjx_model, data = on_device(self.model)
         self.number = data.qpos.dtype
 
         def look(position: Any, speed: Any, warm: Any) -> tuple[Any, ...]:

@@ -15,7 +15,6 @@ import numpy as np
 with without_words_on_warp():
     from mujoco import mjx
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck_toolkit.mujoco_models import CompiledModel, Seen
@@ -36,6 +35,17 @@ KEPT = 2
 keep_compiled()
 
 
+def use_precision(*, double: bool) -> None:
+    """Have JAX compute in double or single precision from now on.
+
+    Where the other one was used before, JAX would take constants of what it has traced then: MJX's
+    RK4 fails so.
+    """
+    if jax.config.jax_enable_x64 is not double:
+        jax.clear_caches()
+        jax.config.update("jax_enable_x64", double)
+
+
 @dataclass(frozen=True)
 class Given:
     """A model that JAX compiles functions of; equal to another one of the same text."""
@@ -52,22 +62,13 @@ class Built(CompiledModel):
     """A mechanism's model with MuJoCo's bookkeeping, and MJX's functions of it."""
 
     def __init__(self, mechanism: Mechanism, timestep: float, *, double: bool) -> None:
-        """Build and compile; in single precision unless `double`.
-
-        Raises:
-            UnsupportedProblemError: MJX has not what the model needs; its own words.
-        """
-        jax.config.update("jax_enable_x64", double)
+        """Build and compile; in single precision unless `double`."""
+        use_precision(double=double)
         found = _functions(Given(mjcf(mechanism, timestep), double, mechanism))
         super().__init__(mechanism, found.model)
-        self._data = found.data
+        self.first = found.data.qpos, found.data.qvel
         self._dynamics, self._forward, self._step = found.dynamics, found.forward, found.step
-        self._warm: Any = self._data.qacc_warmstart
-
-    @property
-    def start(self) -> tuple[FloatArray, FloatArray]:
-        """The mechanism's coordinates and speeds at the start, as built."""
-        return self.coordinates_of(self._data.qpos, self._data.qvel)
+        self._warm: Any = found.data.qacc_warmstart
 
     def dynamics(
         self, q: FloatArray, u: FloatArray, generalized: FloatArray
@@ -106,7 +107,7 @@ def _functions(given: Given) -> _Functions:
     """Functions of a model, or those that were kept."""
     model = without_sensors(given.text)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    both = on_device(model, given.mechanism)
+    both = on_device(model)
     # The model is a constant of what is compiled: to pass its hundreds of arrays takes longer than
     # a step.
     compiled = (jax.jit(partial(each, *both)) for each in (_dynamics, _forward, _step))
@@ -121,18 +122,27 @@ def without_sensors(text: str) -> Any:
     return spec.compile()
 
 
-def on_device(model: Any, mechanism: Mechanism) -> tuple[Any, Any]:
-    """MJX's model and its data at the start.
+def on_device(model: Any, start: Any = None) -> tuple[Any, Any]:
+    """MJX's model and its data at a start, or at the first keyframe.
 
     Raises:
-        UnsupportedProblemError: MJX has not what the model needs; its own words.
+        NotImplementedError: MJX has not what the model needs; its own words.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    try:
-        return mjx.put_model(model), mjx.put_data(model, data)
-    except NotImplementedError as error:
-        raise UnsupportedProblemError(f"mjx cannot build {mechanism.name!r}: {error}") from error
+    if start is None:
+        start = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, start, 0)
+    return mjx.put_model(model), mjx.put_data(model, start)
+
+
+def of_a_step(model: Any, data: Any) -> Any:
+    """Data with the types of what a step gives back, as a scan over steps needs them.
+
+    In double precision a step makes some indices 64 bits long.
+    """
+    if not jax.config.jax_enable_x64:
+        return data
+    after = jax.eval_shape(lambda data: mjx.step(model, data), data)
+    return jax.tree.map(lambda a, like: jax.numpy.asarray(a, like.dtype), data, after)
 
 
 def _placed(data: Any, positions: Any, speeds: Any, forces: Any) -> Any:
@@ -154,7 +164,7 @@ def _forward(
     seen = mjx.forward(model, data)
     # `forward` leaves internal forces, and with them force sensors, at zero.
     internal = mjx.rne_postconstraint(model, seen)._impl.cfrc_int[:, 3:]
-    return mjx.full_m(model, seen), seen.sensordata, seen.xipos, internal
+    return mjx.full_m(model, seen), seen.sensordata, seen.xipos, internal, seen.qacc_smooth
 
 
 def _step(

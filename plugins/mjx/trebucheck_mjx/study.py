@@ -1,7 +1,11 @@
-"""MJX's entries for studies: tolerances, orders and causes."""
+"""MJX's entries for studies: tolerances, orders and causes, and model files as they are."""
 
 from __future__ import annotations
 
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.given import SteppedModel
 from trebucheck.engines.presets import SETTINGS
 from trebucheck.engines.study import (
     HALF_THE_STEP,
@@ -11,13 +15,33 @@ from trebucheck.engines.study import (
     MaintainersNote,
     OptionSet,
 )
+from trebucheck.models.arrays import FloatArray
 from trebucheck_toolkit.alone import own_program
-from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by
+from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, GivenCompiledModel, causes_by
 from trebucheck_toolkit.scheme_tables import located_tolerances
 
 _PRECISION = Cause("precision", "numbers of 24 bits", Intervention({"precision": "double"}))
 
+
+class GivenMjxModel(GivenCompiledModel):
+    """MJX on the file itself, in JAX's own precision where no other is asked for."""
+
+    name: ClassVar[str] = "mjx"
+    package: ClassVar[str] = "mujoco-mjx"
+    ignored: ClassVar[tuple[str, ...]] = (*GivenCompiledModel.ignored, "noslip_iterations")
+
+    precision: Literal["single", "double"] = Field(
+        default="single", description="of MJX's numbers (`jax_enable_x64`)"
+    )
+
+    def _stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        from .alone import stepped  # loads MJX
+
+        return stepped(model, start, controls, double=self.precision == "double")
+
+
 STUDY = EngineStudy(
+    as_given=GivenMjxModel,
     causes=causes_by({"precision": "double"}, _PRECISION),
     step_orders=ORDERS,
     refinements=(HALF_THE_STEP,),

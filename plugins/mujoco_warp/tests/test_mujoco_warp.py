@@ -13,6 +13,7 @@ import trebucheck as tb
 import warp
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.mujoco.alone import model_text
+from trebucheck.engines.mujoco.build import start_data
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
 from trebucheck.models.library.registry import library_problem
 from trebucheck_mujoco_warp.engine import MujocoWarpEngine
@@ -239,7 +240,7 @@ def test_options_that_do_nothing_are_refused() -> None:
 def test_constraints_that_find_no_room_are_no_result() -> None:
     mechanism = _problem("squeezer", 0.1).mechanism
     model = mujoco.MjModel.from_xml_string(model_text(mechanism, _engine(SETTINGS).of_mujoco))
-    world = World(model, mechanism)
+    world = World(model, start_data(model))
     world.step()
     world.refuse_overflow()
     world.data.overflow.fill_(int(mujoco_warp.OverflowType.ITERATIONS))  # the solver goes on

@@ -18,7 +18,6 @@ from trebucheck_toolkit.mujoco_models import (
     MujocoModelEngine,
     capabilities_of,
     held_by_multipliers,
-    program,
 )
 
 from .study import LEAST_TOLERANCE, STUDY
@@ -63,6 +62,3 @@ class MujocoWarpEngine(MujocoModelEngine):
         from .world import Built
 
         return Built(mechanism, self.timestep)
-
-    def _script(self, problem: Problem) -> str:
-        return program(__name__, problem, self.of_mujoco)

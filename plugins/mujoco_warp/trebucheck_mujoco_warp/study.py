@@ -1,15 +1,36 @@
-"""MuJoCo Warp's entries for studies: orders and causes."""
+"""MuJoCo Warp's entries for studies: orders and causes, and model files as they are."""
 
 from __future__ import annotations
 
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field
+from trebucheck.engines.given import SteppedModel
 from trebucheck.engines.study import EngineStudy, MaintainersNote
+from trebucheck.models.arrays import FloatArray
 from trebucheck_toolkit.alone import own_program
-from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, causes_by
+from trebucheck_toolkit.mujoco_models import OPTION_SETS, ORDERS, GivenCompiledModel, causes_by
 
 LEAST_TOLERANCE = 1e-6
 """Least tolerance of the solver that `put_model` takes."""
 
+
+class GivenWarpModel(GivenCompiledModel):
+    """MuJoCo Warp on the file itself; `put_model` raises a smaller tolerance to 1e-6."""
+
+    name: ClassVar[str] = "mujoco_warp"
+    package: ClassVar[str] = "mujoco-warp"
+
+    precision: Literal["single"] = Field(default="single", description="of MuJoCo Warp's numbers")
+
+    def _stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        from .world import stepped  # loads Warp
+
+        return stepped(model, start, controls)
+
+
 STUDY = EngineStudy(
+    as_given=GivenWarpModel,
     causes=causes_by({"tolerance": LEAST_TOLERANCE}),
     step_orders=ORDERS,
     option_sets=OPTION_SETS,

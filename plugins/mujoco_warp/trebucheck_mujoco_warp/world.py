@@ -1,19 +1,21 @@
-"""The MuJoCo Warp model of a mechanism on the processor: by itself, and in single states."""
+"""Models in MuJoCo Warp, on the processor: by themselves, as a file has them, in single states."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
+from time import process_time
 from typing import Any, ClassVar
 
 import mujoco
 import mujoco_warp as mjw
 import numpy as np
 import warp as wp
-from trebucheck.engines.events import ContactEvents, note_own_releases, whole_steps
-from trebucheck.engines.mujoco.alone import model_text
-from trebucheck.engines.mujoco.build import compiled, start_data, stop_constraints
+from trebucheck.engines.events import whole_steps
+from trebucheck.engines.given import SteppedModel
+from trebucheck.engines.mujoco.alone import model_text, recorded
+from trebucheck.engines.mujoco.build import compiled, start_data
 from trebucheck.engines.mujoco.options import MujocoOptions
-from trebucheck.engines.mujoco.read import Samples, recording
 from trebucheck.engines.protocol import Recording
 from trebucheck.engines.reading import read_each_step, timed_reading
 from trebucheck.models.arrays import FloatArray
@@ -21,38 +23,35 @@ from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.models.problem import Problem
-from trebucheck_toolkit.mujoco_models import CompiledModel, Seen, unbuildable
+from trebucheck_toolkit.mujoco_models import CompiledModel, Seen
 
 wp.config.log_level = wp.LOG_WARNING  # else it prints a line for each kernel that it loads
+_PUSHES = 1  # in a contact's type; others are sensors'
 
 
 class World:
     """A model with the data of one world, and the functions that move it as Warp's graphs.
 
-    A graph replays the kernels that a function launches: launched one by one from Python they take
-    a hundred times as long. The states are the same to the last bit.
-
-    Raises:
-        UnsupportedProblemError: MuJoCo Warp has not what the model needs; its own words.
+    A graph replays a function's kernels: launched one by one from Python they take a hundred times
+    as long, to the same bits. What MuJoCo Warp has not is a NotImplementedError of `put_model`.
     """
 
-    def __init__(self, model: Any, mechanism: Mechanism) -> None:
-        start = start_data(model)
-        with unbuildable("mujoco_warp", mechanism), wp.ScopedDevice("cpu"):
+    def __init__(self, model: Any, start: Any) -> None:
+        with wp.ScopedDevice("cpu"):
             self.model: Any = mjw.put_model(model)
             self.model.opt.warn_overflow = 0  # lines in each step, of what `overflow` has
-            self.data: Any = mjw.put_data(model, start)
-            self.forward, self.step = (
-                self._graph(function, mjw.put_data(model, start))
-                for function in (mjw.forward, mjw.step)
-            )
+            self.data, self._other = (mjw.put_data(model, start) for _ in range(2))
         self._views: dict[str, Any] = {}
 
-    def _graph(self, function: Callable[[Any, Any], None], other: Any) -> Callable[[], None]:
+    forward = cached_property(lambda self: self._graph(mjw.forward))
+    step = cached_property(lambda self: self._graph(mjw.step))
+
+    def _graph(self, function: Callable[[Any, Any], None]) -> Callable[[], None]:
         """A function of the model and the data as a call without arguments."""
-        function(self.model, other)  # kernels are compiled where they are launched
-        with wp.ScopedCapture(device="cpu") as capture:
-            function(self.model, self.data)
+        with wp.ScopedDevice("cpu"):
+            function(self.model, self._other)  # kernels are compiled where they are launched
+            with wp.ScopedCapture(device="cpu") as capture:
+                function(self.model, self.data)
         return lambda: wp.capture_launch(capture.graph)
 
     def view(self, name: str) -> Any:
@@ -73,47 +72,48 @@ class World:
             raise SimulationError(f"mujoco_warp left constraints out: {left_out!r}.")
 
 
-# --- By itself
-
-
 def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
-    """Step MuJoCo Warp from the start to a problem's end or just beyond, and read it.
-
-    Raises:
-        SimulationError: MuJoCo refused the model, or constraints were left out.
-        UnsupportedProblemError: MuJoCo Warp has not what the model needs.
-    """
-    mechanism, steps = problem.mechanism, whole_steps(problem.duration, options.timestep)
+    """Step MuJoCo Warp from the start to a problem's end or just beyond, and read it."""
+    mechanism, rows = problem.mechanism, list[list[FloatArray]]()
     model = compiled(mechanism, model_text(mechanism, options))
-    world = World(model, mechanism)
-    states, sensors = list[FloatArray](), list[FloatArray]()
+    world = World(model, start_data(model))
 
     @read_each_step
-    def read_state() -> None:
-        states.append(np.concatenate([world.numbers("qpos"), world.numbers("qvel")]))
+    def read() -> None:
+        rows.append([world.numbers(name) for name in ("qpos", "qvel", "sensordata")])
 
-    @read_each_step
-    def read_sensors() -> None:
-        sensors.append(world.numbers("sensordata"))
-
-    read_state()
-    for _ in range(steps):
+    read()
+    for _ in range(whole_steps(problem.duration, options.timestep)):
         world.step()
-        read_sensors()  # those of the state in which the step began
-        read_state()
+        read()
     with timed_reading():
         world.forward()
-        read_sensors()
+        read()
         world.refuse_overflow()
-        samples, events = Samples(steps=steps), ContactEvents(mechanism, "mujoco_warp")
-        times: FloatArray = options.timestep * np.arange(steps + 1, dtype=np.float64)
-        samples.add(times, np.pad(states, ((0, 0), (1, 0))), np.array(sensors))  # times apart
-        recorded = recording(mechanism, model, stop_constraints(mechanism, model), samples, events)
-        note_own_releases(events, times, recorded.stop_torques)
-        return recorded
+        qpos, qvel, sensors = (np.array(each) for each in zip(*rows, strict=True))
+        states = np.pad(np.hstack([qpos, qvel])[:-1], ((0, 0), (1, 0)))  # times apart
+        # A step leaves the sensors of the state in which it began.
+        return recorded("mujoco_warp", mechanism, model, states, sensors[1:])
 
 
-# --- Assisted
+def stepped(model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+    """Step a model as a file has it."""
+    world, contact, spent = World(model, start), None, 0.0
+    states = [(world.numbers("qpos"), world.numbers("qvel"))]
+    kinds, count = world.data.contact.type.numpy(), world.data.nacon.numpy()
+    advance = world.step  # captured before it is timed
+    for k, control in enumerate(controls):
+        world.view("ctrl")[:] = control
+        began = process_time()
+        advance()
+        spent += process_time() - began
+        states.append((world.numbers("qpos"), world.numbers("qvel")))
+        if contact is None and (kinds[: count[0]] & _PUSHES).any():
+            contact = k
+    if contact is None:
+        world.refuse_overflow()
+    qpos, qvel = (np.array(each) for each in zip(*states, strict=True))
+    return SteppedModel(qpos, qvel, contact, spent)
 
 
 class Built(CompiledModel):
@@ -122,43 +122,25 @@ class Built(CompiledModel):
     roundoff: ClassVar[float] = 2.0**-24
 
     def __init__(self, mechanism: Mechanism, timestep: float) -> None:
-        """Build it.
-
-        Raises:
-            UnsupportedProblemError: MuJoCo Warp has not what the model needs; its own words.
-        """
         model = compiled(mechanism, mjcf(mechanism, timestep))
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         super().__init__(mechanism, model)
-        self._world = World(model, mechanism)
-        self._first = self._world.numbers("qpos"), self._world.numbers("qvel")
-
-    @property
-    def start(self) -> tuple[FloatArray, FloatArray]:
-        """The mechanism's coordinates and speeds at the start, as built."""
-        return self.coordinates_of(*self._first)
+        self._world = World(model, start_data(model))
+        self.first = self._world.numbers("qpos"), self._world.numbers("qvel")
 
     @property
     def total_mass(self) -> float:
         """Mass of all bodies [kg]."""
         return float(self._world.model.body_mass.numpy().sum())
 
-    def dynamics(
-        self, q: FloatArray, u: FloatArray, generalized: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Accelerations of MuJoCo's joints and mass matrix in a state, under forces."""
-        self._place(q, u, generalized)
-        self._world.forward()
-        return self._world.numbers("qacc_smooth"), self._mass()
-
     def forward(self, q: FloatArray, u: FloatArray, generalized: FloatArray) -> Seen:
         """Readings in a state, under generalized forces on mechanism coordinates [N m, N]."""
         self._place(q, u, generalized)
         self._world.forward()
-        sensors, centres, internal = (
-            self._world.numbers(name) for name in ("sensordata", "xipos", "cfrc_int")
+        sensors, centres, internal, a = (
+            self._world.numbers(name) for name in ("sensordata", "xipos", "cfrc_int", "qacc_smooth")
         )
-        return Seen(self._mass(), sensors, centres, internal[:, 3:])
+        return Seen(self._mass(), sensors, centres, internal[:, 3:], a)
 
     def stepped(self, q: FloatArray, u: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
         """The state a step [s] later by MuJoCo Warp's RK4."""

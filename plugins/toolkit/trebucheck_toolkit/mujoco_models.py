@@ -6,6 +6,8 @@ which stay in it whatever the law, equalities and contacts for loops, tendons fo
 Assisted they move the tree of joints by their RK4 while nothing is held. Stops, loops and springs
 are multipliers and generalized forces from their mass matrix and accelerations, integrated by RK4
 as well; releases and impacts are located by trebucheck's driver.
+
+The file that a mechanism was read from they move as it is (:class:`GivenCompiledModel`).
 """
 
 from __future__ import annotations
@@ -19,9 +21,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, JsonValue, model_validator
 from trebucheck.engines.events import Contacts, whole_steps
+from trebucheck.engines.given import GivenModel, SteppedModel
 from trebucheck.engines.inspection import Dynamics, Inspection, State
 from trebucheck.engines.mujoco.options import MujocoOptions, scaled_solref
-from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
+from trebucheck.engines.mujoco.study import STUDY as MUJOCO_STUDY
+from trebucheck.engines.mujoco.study import causes_of_file
+from trebucheck.engines.presets import ASSISTED, DEFAULT, GIVEN, SETTINGS
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import (
     ASSISTED_SET,
@@ -31,6 +36,7 @@ from trebucheck.engines.study import (
     Cause,
     ConstraintKinds,
     Intervention,
+    ModelFile,
     OptionSet,
     StepOrder,
     filled_template,
@@ -49,6 +55,7 @@ from trebucheck.models.mjcf.writer import (
     position_sensor,
     velocity_sensor,
 )
+from trebucheck.models.model_source import ModelSource
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative, Real
 
@@ -179,23 +186,37 @@ class MujocoModelEngine(BuiltinEngine):
         return MujocoOptions(**{name: getattr(self, name) for name in ("timestep", *OWN)})
 
     def _run(self, problem: Problem) -> Recording:
-        if self.limits == "soft":
-            return self._run_alone(problem)
-        motion = Motion(problem.mechanism, self._built(tree_of(problem.mechanism)))
+        with unbuildable(self.name, problem.mechanism):
+            if self.limits == "soft":
+                return self._run_alone(problem)
+            motion = Motion(problem.mechanism, self._built(tree_of(problem.mechanism)))
         return EventDriver(problem, motion, self.name, self.timestep).run()
 
     @abstractmethod
     def _run_alone(self, problem: Problem) -> Recording:
-        """Step the engine by itself from the start to a problem's end or just beyond."""
+        """Step the engine by itself from the start to a problem's end or just beyond.
+
+        Raises:
+            NotImplementedError: the engine has not what the model needs; its own words.
+            SimulationError: MuJoCo refused the model, or the engine gave up.
+        """
 
     @abstractmethod
     def _built(self, mechanism: Mechanism) -> CompiledModel:
-        """Build a tree of joints, which the engine's RK4 steps."""
+        """Build a tree of joints, which the engine's RK4 steps.
+
+        Raises:
+            NotImplementedError: the engine has not what the model needs; its own words.
+        """
+
+    def _script(self, problem: Problem) -> str:
+        return program(type(self).__module__, problem, self.of_mujoco)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """The built model's mass matrix, forces and forward dynamics in each state."""
         self.refuse_absence()
-        motion = Motion(mechanism, self._built(tree_of(mechanism)))
+        with unbuildable(self.name, mechanism):
+            motion = Motion(mechanism, self._built(tree_of(mechanism)))
         start, start_speeds = motion.built.start
         return Inspection(
             start=start,
@@ -227,6 +248,53 @@ def unbuildable(engine: str, mechanism: Mechanism) -> Generator[None]:
         ) from error
 
 
+# --- Model files as they are
+
+
+class GivenCompiledModel(GivenModel):
+    """A file that MuJoCo compiles, moved by an engine that takes MuJoCo's models.
+
+    MuJoCo reads it, and tells the energies of the engine's states. The engine's number format is no
+    option of a file: it is an option here.
+    """
+
+    ignored: ClassVar[tuple[str, ...]] = ("disableactuator",)
+    """Options of MuJoCo that the engine passes over in silence, and that are refused here."""
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+        return self.name
+
+    @property
+    def engine_version(self) -> str:
+        """Version of the engine here."""
+        return self.version()
+
+    @property
+    def integrators(self) -> tuple[str, ...]:
+        """Integrators of MuJoCo that the engine has, too, beside that of a file."""
+        return "Euler", "implicitfast", "RK4"
+
+    def read(self, source: ModelSource) -> ModelFile:
+        """Read a mechanism again from its file, which is moved with these options."""
+        from trebucheck.engines.mujoco.files import reread  # loads MuJoCo
+
+        return reread(source, self)
+
+    def stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        """Step a model, as of :class:`trebucheck.engines.given.ModelStepper`."""
+        for option in self.ignored:
+            value = getattr(model.opt, option)
+            if value:
+                raise NotImplementedError(f"the option {option} = {value}")
+        return self._stepped(model, start, controls)
+
+    @abstractmethod
+    def _stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
+        """Step a model of whose options none is ignored."""
+
+
 # --- The model in single states
 
 
@@ -241,6 +309,8 @@ class Seen:
     """World positions of the bodies' centres of mass [m], shape (n_body, 3)."""
     internal: FloatArray
     """Force of each body's parent on it, world frame [N], shape (n_body, 3)."""
+    accelerations: FloatArray
+    """Accelerations of MuJoCo's joints, nothing held, shape (n_v,)."""
 
 
 class CompiledModel(ABC):
@@ -248,6 +318,8 @@ class CompiledModel(ABC):
 
     roundoff: ClassVar[float] = 2.0**-53
     """Unit roundoff of the engine's numbers."""
+    first: tuple[Any, Any]
+    """Positions and speeds of MuJoCo's joints at the start, as built."""
 
     def __init__(self, mechanism: Mechanism, model: Any) -> None:
         # Imported here so that classes of engines and their options need no MuJoCo.
@@ -266,20 +338,21 @@ class CompiledModel(ABC):
         """Index of each sensor's first number, by the writer's name."""
 
     @property
-    @abstractmethod
     def start(self) -> tuple[FloatArray, FloatArray]:
         """The mechanism's coordinates and speeds at the start, as built."""
+        return self.coordinates_of(*self.first)
 
     @property
     def total_mass(self) -> float:
         """Mass of all bodies [kg]."""
         return float(self.model.body_mass.sum())
 
-    @abstractmethod
     def dynamics(
         self, q: FloatArray, u: FloatArray, generalized: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Accelerations of MuJoCo's joints and mass matrix in a state, under forces."""
+        seen = self.forward(q, u, generalized)
+        return seen.accelerations, seen.mass
 
     @abstractmethod
     def forward(self, q: FloatArray, u: FloatArray, generalized: FloatArray) -> Seen:
@@ -428,6 +501,7 @@ ORDERS: Mapping[str, StepOrder] = {
         "a release, wherever that is in it",
         RK4_LOCATED.scheme,
     ),
+    GIVEN: MUJOCO_STUDY.step_orders[GIVEN],
     ASSISTED: RK4_LOCATED,
 }
 """Orders of the time step, by preset."""
@@ -446,10 +520,13 @@ def causes_by(
 
     Args:
         assisted: options of the assisted preset where they are not those of every such engine.
-        others: causes with soft constraints beside these, the integrator and the time step.
+        others: causes with soft constraints, and of files as they are, beside these, the integrator
+            and the time step.
     """
 
     def causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
+        if "limits" not in settings:
+            return (*others, *causes_of_file(settings, constraints))
         finer: dict[str, JsonValue] = {"timestep": float(settings["timestep"]) / REFINEMENT}
         if settings["limits"] == "multipliers":
             return with_readout(time_step_cause(finer))
