@@ -131,19 +131,17 @@ class MujocoStepper:
         return str(mujoco.__version__)
 
     def stepped(self, model: Any, start: Any, controls: FloatArray) -> SteppedModel:
-        """Step a model twice: to time the steps alone, and to read each of them."""
+        """Step a model twice: to read each of its steps, and to time them alone.
+
+        It ends at MuJoCo's first warning: of a state that is no number a step may take a second.
+        """
         steps, contact = len(controls), None
         qpos, qvel = (np.empty((steps + 1, n)) for n in (model.nq, model.nv))
         changes = [0, *(1 + np.flatnonzero(np.diff(controls, axis=0).any(axis=1))).tolist()]
         # Without this flag MuJoCo resets a diverged simulation to the start and goes on.
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         with raised_warnings():
-            data = copy(start)
-            began = process_time()
-            for k, last in zip(changes, (*changes[1:], steps), strict=True):
-                data.ctrl[:] = controls[k]
-                mujoco.mj_step(model, data, nstep=last - k)
-            spent, data = process_time() - began, copy(start)
+            data, spent = copy(start), 0.0
             qpos[0], qvel[0] = data.qpos, data.qvel
             for k in range(steps):
                 data.ctrl[:] = controls[k]
@@ -152,6 +150,14 @@ class MujocoStepper:
                 # Contacts were found at the beginning of the step, which they have changed.
                 if data.ncon and contact is None:
                     contact = k
+                if np.any(data.warning.number):
+                    break
+            else:
+                data, began = copy(start), process_time()
+                for k, last in zip(changes, (*changes[1:], steps), strict=True):
+                    data.ctrl[:] = controls[k]
+                    mujoco.mj_step(model, data, nstep=last - k)
+                spent = process_time() - began
         return SteppedModel(qpos, qvel, contact, spent)
 
 
