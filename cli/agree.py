@@ -25,8 +25,8 @@ _WIDTH = 120
 
 
 @command(
-    "models engines preset timestep duration until tolerance tolerances set beam option stop_law "
-    "sweep diagnose resume jobs cluster timeout quiet json",
+    "models engines preset timestep duration until tolerance tolerances set beam keyframe qpos "
+    "qvel ctrl without option stop_law sweep diagnose resume jobs cluster timeout quiet json",
     folder("report", "Folder for report, summary.md, results.json and trajectories."),
 )
 def compare_command(call: Call) -> bool:
@@ -70,7 +70,8 @@ def compare_command(call: Call) -> bool:
 
 
 @command(
-    "file model duration until set beam tolerance tolerances stop_law quiet json",
+    "file model duration until set beam keyframe qpos qvel ctrl without tolerance tolerances "
+    "stop_law quiet json",
     folder("judgement", "Folder for judgement.html and judgement.json."),
     file=argument("CSV with names and units in its first line, or NetCDF (.nc).", Path),
 )

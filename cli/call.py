@@ -93,7 +93,7 @@ class Call:
             InputError: a name is unknown, a parameter is not valid, or a file cannot be read or is
                 not a mechanism.
         """
-        from ..comparisons.runs.model_files import is_file, read_file
+        from ..comparisons.runs.model_files import SUFFIXES, from_mjcf, is_file, read_file
         from ..models.library.registry import library_problem, model
 
         if text is None:
@@ -103,15 +103,39 @@ class Call:
         models: list[Mechanism | Problem] = []
         for name in options.names(text, "--models"):
             if not is_file(name):
+                self._refuse_start(name)
                 parameters = self.parameters(name)
                 models.append(library_problem(name, parameters) or model(name, parameters))
             elif changed:
                 raise InputError(
                     f"--set and --beam are for named machines; {name} holds its own values."
                 )
+            elif Path(name).suffix.lower() in SUFFIXES and self._started():
+                models.append(from_mjcf(name, **self.model_start()))
             else:
+                self._refuse_start(name)
                 models.append(read_file(Path(name)))
         return models
+
+    def _started(self) -> list[str]:
+        """Options that are given of a model file's start, and of what of it is left out."""
+        names = ("keyframe", "qpos", "qvel", "ctrl", "without")
+        values = {name: self.values.get(name) for name in names}
+        return [f"--{name} {value!s}" for name, value in values.items() if value is not None]
+
+    def _refuse_start(self, name: str) -> None:
+        """Refuse a start for a model that has its own.
+
+        Raises:
+            InputError: one is given.
+        """
+        from ..comparisons.runs.model_files import SUFFIXES
+
+        if started := self._started():
+            raise InputError(
+                f"{', '.join(started)}: {name!r} has a start of its own; these options are for "
+                f"model files ({', '.join(SUFFIXES)})."
+            )
 
     def only_model(self) -> Mechanism | Problem:
         """The one model of a command that takes one.

@@ -104,8 +104,8 @@ def throw_command(call: Call) -> None:
 
 
 @command(
-    "engine model preset timestep duration until set beam option stop_law reference script timeout "
-    "quiet",
+    "engine model preset timestep duration until set beam keyframe qpos qvel ctrl without option "
+    "stop_law reference script timeout quiet",
     folder("report", "NetCDF file to write, or a folder for it."),
     engine=option(
         "--engine --engines",
@@ -185,7 +185,8 @@ def run_command(call: Call) -> None:
 
 
 @command(
-    "model engines preset trajectories magnify width at timestep duration until set beam stop_law "
+    "model engines preset trajectories magnify width at timestep duration until set beam keyframe "
+    "qpos qvel ctrl without stop_law "
     "timeout",
     folder("motion.html", "File to write: .gif, .mp4, .svg or .html."),
     model=argument(
@@ -345,7 +346,7 @@ def _from_files(
 
 
 @command(
-    "model engine set beam",
+    "model engine set beam keyframe qpos qvel ctrl without",
     model=argument(f"Machine: {options.MACHINES}.", str, "fixed"),
     engine=option("--engine", "Whose viewer; the first that has one."),
 )

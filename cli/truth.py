@@ -94,7 +94,8 @@ def certify_command(call: Call) -> bool:
 
 
 @command(
-    "model digits until start_bits set beam stop_law most_steps timeout quiet json",
+    "model digits until start_bits set beam keyframe qpos qvel ctrl without stop_law most_steps "
+    "timeout quiet json",
     folder("proofs", "Folder for NAME.json and NAME.html."),
     model=argument(f"Machine: {options.MACHINES}.", str, "fixed", names=options.machine_names),
     digits=option(

@@ -8,7 +8,8 @@ from .options import folder, option
 
 
 @command(
-    "models engines preset timestep until set beam option resume jobs cluster timeout quiet json",
+    "models engines preset timestep until set beam keyframe qpos qvel ctrl without option resume "
+    "jobs cluster timeout quiet json",
     folder("explain", "Folder for explain.html, explain.json and the runs."),
 )
 def explain_command(call: Call) -> bool:
@@ -36,7 +37,8 @@ def explain_command(call: Call) -> bool:
 
 
 @command(
-    "models engines preset knobs until set beam option resume jobs cluster timeout quiet json",
+    "models engines preset knobs until set beam keyframe qpos qvel ctrl without option resume "
+    "jobs cluster timeout quiet json",
     folder("converge", "Folder for converge.html, converge.json and the runs."),
     knobs=option("--knobs --knob", "Knobs, comma-separated, e.g. timestep,solref; all by default."),
 )
@@ -70,7 +72,8 @@ def converge_command(call: Call) -> bool:
 
 
 @command(
-    "model position torque release engines until set beam neighbours resume jobs cluster timeout "
+    "model position torque release engines until set beam keyframe qpos qvel ctrl without "
+    "neighbours resume jobs cluster timeout "
     "quiet json",
     folder("recommend", "Folder for recommend.html, recommend.json, the texts and the trials."),
     position=option(

@@ -14,6 +14,7 @@ import pytest
 import trebucheck as tb
 from mechanisms import geared
 from model_files import RandomModel
+from trebucheck.cli.app import main
 from trebucheck.comparisons.runs.model_files import largest_difference, read_model_file
 from trebucheck.engines.study import ModelStart
 from trebucheck.models.controls import ControlRecord
@@ -322,6 +323,33 @@ def test_a_file_is_a_model_wherever_one_is_taken(tmp_path: Path) -> None:
     found = tb.compare(path, engines="mujoco", presets="settings", duration=0.1)
     assert len(found.to_dataframe()) > 0
     assert tb.prove(str(path), digits=5, until=0.05).digits == 5
+
+
+@pytest.mark.parametrize("command", ["compare", "run", "prove"])
+def test_a_command_starts_a_file_as_it_is_told(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "gears.xml", tmp_path / "out"
+    path.write_text(GEARS)
+    start, quick = ["--qpos", "0.23,0.1,0.1575"], ["--until", "0.02", "--quiet"]
+    words = {
+        "compare": ["--models", str(path), "--engines", "mujoco", "--no-diagnose", *quick],
+        "run": ["--engine", "mujoco", "--model", str(path), *quick],
+        "prove": [str(path), "--digits", "5", *quick],
+    }[command]
+    arguments = [command, *words, "--out", str(out)]
+    if command == "prove":
+        arguments = [command, *words]
+    assert main([*arguments, *start]) in (0, 1)
+    capsys.readouterr()
+    # Its own start is not on its equalities.
+    assert main(arguments) == 2
+    assert "gear" in capsys.readouterr().err
+
+
+def test_a_start_is_refused_for_what_has_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compare", "--models", "fixed", "--qpos", "0,1"]) == 2
+    assert "0,1" in capsys.readouterr().err
 
 
 def inline(body: str, extra: str = "") -> str:
