@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...models.controls import ControlRecord
-from ...models.errors import InputError, shortened
+from ...models.errors import InputError, UnsupportedProblemError, shortened
 from ...models.files import read_bytes
 from ...models.mechanism import Mechanism
 from ...models.model_source import ModelSource
@@ -19,6 +20,7 @@ from .compat import CALLBACK, mujoco
 from .planar import MUJOCO, PlanarModel, as_name, planar_model
 
 _LARGEST = 20_000_000  # [B] of a file
+_MIMICS = re.compile(r"<\s*mimic\b")
 
 
 def read_model(source: str | Path | Any, start: ModelStart) -> PlanarModel:
@@ -86,8 +88,7 @@ def _compiled(source: str | Path | Any) -> tuple[Any, str]:
         return source, _name(source, "model")
     is_text = _is_text(source)
     where = "the MJCF text" if is_text else str(source)
-    if not is_text:
-        read_bytes(Path(source), _LARGEST)  # refuses what cannot be read
+    content = str(source) if is_text else read_bytes(Path(source), _LARGEST)
     try:
         with CALLBACK:
             if is_text:
@@ -96,6 +97,11 @@ def _compiled(source: str | Path | Any) -> tuple[Any, str]:
                 model = mujoco.MjModel.from_xml_path(str(source))
     except ValueError as error:
         raise InputError(f"{where}: MuJoCo cannot read it: {shortened(str(error))}.") from None
+    if _MIMICS.search(str(content)) and not model.neq:
+        raise UnsupportedProblemError(
+            f"{where} has a joint that follows another one (<mimic>), which MuJoCo "
+            f"{mujoco.__version__} passes over; later versions read it."
+        )
     return model, _name(model, "model" if is_text else Path(source).stem)
 
 

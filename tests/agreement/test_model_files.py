@@ -464,6 +464,35 @@ def test_a_urdf_is_read(tmp_path: Path) -> None:
     assert mechanism.bodies[0].mass == 2.0
 
 
+def test_a_joint_of_a_urdf_that_mimics_another_is_coupled(tmp_path: Path) -> None:
+    """shoulder = a and elbow = 0.1 - 2 a, relative to the upper link: absolutely 0.1 - a."""
+    link = (
+        '<inertial><origin xyz="0 0 -0.3"/><mass value="2"/>'
+        '<inertia ixx="0.1" iyy="0.1" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    text = (
+        f'<robot name="arm"><link name="base"/><link name="upper">{link}</link>'
+        f'<link name="lower">{link}</link><joint name="shoulder" type="continuous">'
+        '<parent link="base"/><child link="upper"/><axis xyz="1 0 0"/></joint>'
+        '<joint name="elbow" type="continuous"><origin xyz="0 0 -0.6"/><parent link="upper"/>'
+        '<child link="lower"/><axis xyz="1 0 0"/>'
+        '<mimic joint="shoulder" multiplier="-2" offset="0.1"/></joint></robot>'
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(text)
+    compiled = MODEL.MjModel.from_xml_string(text)
+    if not compiled.neq:  # older versions of MuJoCo
+        with pytest.raises(tb.UnsupportedProblemError, match="mimic"):
+            tb.from_mjcf(path)
+        return
+    mechanism = tb.from_mjcf(path, qpos=[0.3, 0.1 - 0.6])
+    (coupler,) = mechanism.couplers
+    assert coupler.coordinates == ("elbow", "shoulder")
+    sense = 1.0 if mechanism.start[0] > 0 else -1.0
+    assert coupler.terms[0].ratio == pytest.approx(-1.0, rel=1e-12)
+    assert coupler.offset == pytest.approx(sense * 0.1, rel=1e-12)
+
+
 ARM = """
 <mujoco model="arm">
   <option timestep="0.01" integrator="RK4"/>

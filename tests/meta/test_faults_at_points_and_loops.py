@@ -6,13 +6,19 @@ Each is caught, and its cause is named.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import faulty
+import numpy as np
 import pytest
+import trebucheck as tb
 from conftest import again
 from faulty import Fault, run_with, tilted_slot, tilted_wall, without, without_joint
+from mechanisms import geared
+from trebucheck.comparisons.diagnosis.faults import with_closed_loops
 from trebucheck.comparisons.report.pages.tables import diagnosis
 from trebucheck.comparisons.runs.results import Outcome
+from trebucheck.reference.solver import solve
 
 GATE, MOTION = Outcome.NOT_EQUIVALENT, Outcome.DISAGREES
 MILLIMETRE = MILLIRADIAN = 1e-3
@@ -149,3 +155,31 @@ def test_a_fault_is_caught_and_named(
     assert run.diagnosis is not None
     first = [f"{cause.name} {cause.amount}" for cause in run.diagnosis.causes[:2]]
     assert any(fault.cause in text for text in first), diagnosis(run)
+
+
+def _with_gear(mechanism: tb.Mechanism, ratio: float | None) -> tb.Mechanism:
+    """With another ratio of the first coupler, or without it."""
+    gear, *others = mechanism.couplers
+    if ratio is None:
+        return mechanism.model_copy(update={"couplers": tuple(others)})
+    gear = gear.model_copy(update={"terms": (gear.terms[0].model_copy(update={"ratio": ratio}),)})
+    moved = with_closed_loops(mechanism.model_copy(update={"couplers": (gear, *others)}))
+    assert moved is not None
+    return moved
+
+
+@pytest.mark.parametrize(
+    ("ratio", "cause", "amount"),
+    [(-1.7 * 1.01, "ratio of alpha in the gear", "+1 %"), (None, "gear missing", "")],
+)
+def test_a_wrong_gear_is_named(
+    ratio: float | None, cause: str, amount: str, tmp_path: Path
+) -> None:
+    mechanism, path = geared(), tmp_path / "motion.nc"
+    wrong = solve(tb.Problem(_with_gear(mechanism, ratio), 1.0))
+    wrong.trajectory(np.linspace(0.0, 1.0, 201)).to_dataset().to_netcdf(path, engine="h5netcdf")
+    found = tb.judge(path, mechanism)
+    assert found.outcome is Outcome.DISAGREES and found.diagnosis is not None
+    first = found.diagnosis.causes[0]
+    assert (first.name, first.amount) == (cause, amount)
+    assert first.explained > 0.99
