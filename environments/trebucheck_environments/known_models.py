@@ -144,7 +144,8 @@ def closed(model: Any, qpos: FloatArray) -> FloatArray:
             )
         else:
             rows[:] = np.reshape(data.efc_J, (data.nefc, model.nv))
-        qpos -= np.linalg.pinv(rows[of_equality]) @ data.efc_pos[of_equality]
+        step = -np.linalg.pinv(rows[of_equality]) @ data.efc_pos[of_equality]
+        MUJOCO.mj_integratePos(model, qpos, step, 1.0)  # a free joint has a quaternion
     return qpos
 
 
