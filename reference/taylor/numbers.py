@@ -153,7 +153,7 @@ def relevant_stops(problem: Problem) -> tuple[str, ...]:
 def structure_of(problem: Problem, kinematics: Kinematics, present: NDArray[np.bool_]) -> Structure:
     """The structure a problem's numbers belong to."""
 
-    def senses(angle: AngleFunction) -> tuple[int, ...]:
+    def senses(angle: AngleFunction) -> tuple[float, ...]:
         return tuple(float(entry) for entry in angle.coefficients)
 
     for coupler in problem.mechanism.couplers:

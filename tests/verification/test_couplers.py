@@ -111,6 +111,19 @@ def test_forces_of_joints_agree_between_the_formulations() -> None:
             assert trajectory.joint_reactions[name][k] == pytest.approx(force, abs=1e-8)
 
 
+def test_a_proof_encloses_motion_and_forces() -> None:
+    """The reference's local errors are below 1e-12; forces of joints are some tens of newtons."""
+    until = 0.2
+    proof, solution = tb.prove(geared(), digits=10, until=until), solve(tb.Problem(geared(), until))
+    motion, at_end = solution.motion(np.array([until])), solution.trajectory(np.array([until]))
+    for found, expected in ((proof.q(until), motion.q[0]), (proof.u(until), motion.u[0])):
+        values = [float(value.value) for value in found.values()]
+        assert values == pytest.approx(expected.tolist(), abs=1e-10)
+    for joint, force in at_end.joint_reactions.items():
+        found = [float(part.value) for part in proof.joint_reaction(joint, until)]
+        assert found == pytest.approx(force[0].tolist(), abs=1e-9 * np.abs(force).max())
+
+
 def test_energy_is_kept() -> None:
     trajectory = solve(tb.Problem(geared(), 1.5)).trajectory(TIMES)
     energy = trajectory.kinetic_energy + trajectory.potential_energy
