@@ -380,6 +380,7 @@ class Other:
     name: str = "other"
     relative: bool = False
     """Whether its coordinates count from its own start, which is elsewhere."""
+    capabilities = ReferenceEngine.capabilities
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         wrong = self.mechanism

@@ -10,6 +10,7 @@ import pytest
 import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.inspection import Dynamics, Inspection, State
+from trebucheck.engines.reference.engine import ReferenceEngine
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.equations import Equations
 
@@ -25,6 +26,7 @@ class Rounded:
     fault: float = 0.0
     roundoff: float = SINGLE
     name = "rounded"
+    capabilities = ReferenceEngine.capabilities
 
     def inspect(self, mechanism: tb.Mechanism, states: tuple[State, ...]) -> Inspection:
         first = mechanism.bodies[0]

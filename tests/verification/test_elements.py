@@ -236,6 +236,7 @@ def test_wrong_elements_are_refused_with_their_name(
 def test_an_engine_without_an_element_names_it() -> None:
     # Elements that not every engine builds have mechanisms of their own.
     later = {
+        Feature.COUPLER,
         Feature.CUBIC_SPRING,
         Feature.RECORDED_FORCE,
         Feature.RECORDED_TORQUE,
