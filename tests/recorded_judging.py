@@ -329,6 +329,8 @@ class Odd:
     hides: tuple[str, ...] = ()
     """Fields that it does not show in every state."""
 
+    capabilities = ReferenceEngine.capabilities
+
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         every = random_states(mechanism)
         numbers = [k for k, state in enumerate(every) for s in states if _same(state, s)]
