@@ -172,6 +172,7 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
     seeded = mechanism.model_copy(update={"bodies": (heavy, *others)})
     wrong = SimpleNamespace(
         name="cannon",
+        capabilities=engine.capabilities,
         inspect=lambda _, states: engine.inspect(seeded, states),  # type: ignore[attr-defined]
     )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

@@ -116,7 +116,11 @@ def test_the_built_model_is_shown_and_a_fault_in_it_is_found() -> None:
     assert check_model(engine, mechanism).holds
     bodies = (first.model_copy(update={"mass": 1.001 * first.mass}), *mechanism.bodies[1:])
     heavy = mechanism.model_copy(update={"bodies": bodies})
-    wrong = SimpleNamespace(name="genesis", inspect=lambda _, states: engine.inspect(heavy, states))
+    wrong = SimpleNamespace(
+        name="genesis",
+        capabilities=engine.capabilities,
+        inspect=lambda _, states: engine.inspect(heavy, states),
+    )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
 
 

@@ -149,6 +149,7 @@ def test_a_fault_in_the_world_is_found(name: str) -> None:
     )
     wrong = SimpleNamespace(
         name="havok",
+        capabilities=engine.capabilities,
         inspect=lambda _, states: engine.inspect(heavy, states),  # type: ignore[attr-defined]
     )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

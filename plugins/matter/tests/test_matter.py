@@ -219,6 +219,7 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
     )
     wrong = SimpleNamespace(
         name="matter",
+        capabilities=engine.capabilities,
         inspect=lambda _, states: engine.inspect(heavy, states),  # type: ignore[attr-defined]
     )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

@@ -220,7 +220,9 @@ def test_the_built_model_is_shown_and_a_fault_in_it_is_found(name: str) -> None:
         }
     )
     wrong = SimpleNamespace(
-        name="mujoco_warp", inspect=lambda _, states: engine.inspect(heavy, states)
+        name="mujoco_warp",
+        capabilities=engine.capabilities,
+        inspect=lambda _, states: engine.inspect(heavy, states),
     )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
 

@@ -69,6 +69,7 @@ def test_the_built_model_is_shown_and_a_fault_in_it_is_found(mechanism: tb.Mecha
     )
     wrong = SimpleNamespace(
         name="newton",
+        capabilities=engine.capabilities,
         inspect=lambda _, states: engine.inspect(heavy, states),  # type: ignore[attr-defined]
     )
     assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]

@@ -167,7 +167,11 @@ def test_the_equations_are_the_references_and_a_fault_in_them_is_found(name: str
     first = mechanism.bodies[-1]
     heavy = first.model_copy(update={"mass": (1 + 1e-9) * first.mass})
     wrong = mechanism.model_copy(update={"bodies": (*mechanism.bodies[:-1], heavy)})
-    fault = SimpleNamespace(name="pydy", inspect=lambda _, states: engine.inspect(wrong, states))
+    fault = SimpleNamespace(
+        name="pydy",
+        capabilities=engine.capabilities,
+        inspect=lambda _, states: engine.inspect(wrong, states),
+    )
     assert not check_model(fault, mechanism).holds
 
 
