@@ -107,7 +107,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    """This package; its public names stay what they are, whatever is imported below it.
+    """The package; its public names stay what they are, whatever is imported below it.
 
     The import of `trebucheck.engines.registry` would bind the name `engines` to the subpackage,
     which hides the function of that name. (The function has the subpackage's attributes, so that

@@ -56,7 +56,7 @@ class KnownDigits(Spec):
 
 
 class Growth(Spec):
-    """How far motions from the starts are from one of them."""
+    """Distance of motions from the starts from one of them."""
 
     t: Real = Field(description="[s]")
     radius: Real = Field(description="of all coordinates, in the same parts")

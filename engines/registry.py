@@ -21,7 +21,7 @@ from pydantic import JsonValue
 from ..models.errors import InputError, TrebucheckError, UnsupportedProblemError
 from ..models.features import Basic, Feature, refuse_features
 from ..models.mechanism import Mechanism
-from ..models.problem import Problem
+from ..models.problem import Problem, StopLaw
 from ..models.trajectory import Trajectory
 from .inspection import Inspectable, Inspection, State
 from .options import (
@@ -554,6 +554,16 @@ def able(engine: Simulator) -> Capabilities:
     return engine.capabilities.without(getattr(engine, "lacking", ()))
 
 
+def refuse_unbuildable(engine: Simulator, mechanism: Mechanism, law: StopLaw) -> None:
+    """Refuse a mechanism with elements that an engine does not build.
+
+    Raises:
+        UnsupportedProblemError: the sentence names the elements.
+    """
+    can = able(engine)
+    refuse_features(mechanism, can.features, engine.name, can.lacking, law, can.elements)
+
+
 @dataclass(frozen=True)
 class CompletedEngine:
     """A plug-in's engine without preset, settings or time step, completed by the registry."""
@@ -586,8 +596,7 @@ class CompletedEngine:
     def simulate(self, problem: Problem) -> Trajectory:
         """Move the mechanism by the plug-in's engine."""
         refuse_no_problem(problem)
-        mechanism, law, can = problem.mechanism, problem.stop_law, able(self)
-        refuse_features(mechanism, can.features, self.name, can.lacking, law, can.elements)
+        refuse_unbuildable(self, problem.mechanism, problem.stop_law)
         return self.simulator.simulate(problem)
 
 

@@ -277,9 +277,15 @@ class Kinematics(Phasors):
                 closures.append(self.component(direction, frame, vector))
             if joint.turned_by is not None:
                 closures.append(self._angle_closure(joint.child, joint.parent, joint.turned_by))
-        for coupler in self.mechanism.couplers:
-            closures.append(coupler.closure(self.tree.coordinates, self.is_angle))
-        return tuple(closures)
+        return (*closures, *self.couplings.values())
+
+    @cached_property
+    def couplings(self) -> dict[str, AngleFunction]:
+        """Functions that the couplers hold at zero [rad or m]."""
+        return {
+            coupler.name: coupler.closure(self.tree.coordinates, self.is_angle)
+            for coupler in self.mechanism.couplers
+        }
 
     def _angle_closure(self, child: str, parent: str, turned_by: float) -> AngleFunction:
         """A child's angle less the parent's and a constant [rad], full turns apart at the start."""

@@ -139,7 +139,7 @@ class Stack(Sequence[Mechanism]):
             build_one(self._build, self._values, i)
 
     def _may_not_fit(self) -> BoolArray:
-        """Whether a machine may be refused for what its numbers are together, shape (n,)."""
+        """Mark machines that may be refused for what their numbers are together, shape (n,)."""
         mechanism, kinematics = self.mechanism, Kinematics(self.mechanism)
         if mechanism.couplers:
             return np.ones(self._n, dtype=bool)

@@ -344,8 +344,6 @@ class EventFinder:
 
     def first(self, piece: DenseOutput, t0: float, t1: float) -> list[Event]:
         """The earliest events between t0 and t1 [s], all of one instant; or none."""
-        if not self.functions:
-            return []
         far = self._out_of_reach(piece)
         near = [f for f in self.functions if not (f.closes and f.stop in far)]
         if not near:

@@ -431,7 +431,7 @@ def scaled(mechanism: Mechanism, s: float) -> Mechanism:
 
 
 def _scaled_element(element: AnyForceElement, s: float) -> AnyForceElement:
-    """With gravity as it is, forces grow as s^3 and speeds as sqrt(s)."""
+    """Scale an element: with gravity as it is, forces grow as s^3 and speeds as sqrt(s)."""
     powers = {"point": 1, "relative_point": 1, "rest_length": 1, "force": 3, "torque": 4}
     rotational = isinstance(element, RotationalSpringDamper)
     powers |= {"stiffness": 4, "damping": 4.5} if rotational else {"stiffness": 2, "damping": 2.5}

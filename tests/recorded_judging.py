@@ -194,7 +194,7 @@ _OF_ROUNDING = "ball"
 
 
 def onsets(name: str) -> list[Any]:
-    """When and in what a spoiled motion leaves each tolerance, and all of them together."""
+    """Time and quantity by which a spoiled motion leaves each tolerance, and all together."""
     runner = _runner(name)
     right = runner.solution.trajectory(_times(runner.end))
     wrong = spoiled(right)
@@ -591,7 +591,7 @@ def claims() -> list[Any]:
 
 
 def durations() -> list[float]:
-    """Of engines' runs, by the end, the step and the longest [s]."""
+    """Durations of engines' runs, by the end, the step and the longest [s]."""
     return [
         run_duration(end, step, longest)
         for end in (0.01, 1.0, 30.0)

@@ -19,12 +19,11 @@ import numpy as np
 
 from ...engines.inspection import Dynamics, Inspectable, Inspection, State
 from ...engines.protocol import Engine
-from ...engines.registry import able
+from ...engines.registry import refuse_unbuildable
 from ...engines.units import units_of
 from ...models.arrays import FloatArray
 from ...models.elements import refuse_unknown
 from ...models.errors import EngineNotInstalledError, SimulationError, UnsupportedProblemError
-from ...models.features import refuse_features
 from ...models.kinematics import immovable_stops, without_stops
 from ...models.mechanism import Mechanism
 from ...models.problem import StopLaw
@@ -311,8 +310,7 @@ def check_model(engine: Engine, mechanism: Mechanism) -> Equality:
             note=f"{engine.name} does not show its built model; only its motion can tell.",
         )
     # What it does not build is no difference; a rebound is the run's matter.
-    can, law = able(engine), StopLaw.RELEASE_ONCE
-    refuse_features(mechanism, can.features, engine.name, can.lacking, law, can.elements)
+    refuse_unbuildable(engine, mechanism, StopLaw.RELEASE_ONCE)
     # A stop that nothing moves has no part in the motion, and no run sees it.
     mechanism = without_stops(mechanism, immovable_stops(mechanism))
     states = random_states(mechanism)

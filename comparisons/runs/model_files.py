@@ -186,12 +186,8 @@ def largest_difference(read: ModelFile) -> tuple[float, str]:
         if joint.turned_by is not None:
             turned = kinematics.angle(joint.child, joint.parent).value(states.q) - joint.turned_by
             pairs.append((f"the angle of {joint.name!r}", np.abs(np.sin(turned / 2)), angle))
-    of_closure = len(kinematics.loop_closures) - len(mechanism.couplers)
-    for coupler, closure in zip(
-        mechanism.couplers, kinematics.loop_closures[of_closure:], strict=True
-    ):
-        residual = closure.value(states.q)
-        pairs.append((f"what {coupler.name!r} holds", residual, states.couplers[coupler.name]))
+    for name, coupling in kinematics.couplings.items():
+        pairs.append((f"what {name!r} holds", coupling.value(states.q), states.couplers[name]))
     largest, worst = float(np.abs(states.a).max()), (0.0, "")
     for what, ours, expected in pairs:
         # Rounding is that of the largest acceleration, or of lengths of 1 m.

@@ -461,17 +461,17 @@ class Builder:
                 f"our adapter couples two angles for Exudyn; {coupler.name!r} couples "
                 f"{', '.join(coupler.coordinates)}."
             )
-        bodies = [turning[name] for name in coupler.coordinates]
-        follows, *followed = (
-            self.rotations(*bodies) if len(bodies) > 1 else self.rotations(*bodies, GROUND)
-        )
-        ratio = coupler.terms[0].ratio if coupler.terms else 0.0
+        follows = turning[coupler.coordinate]
+        followed, ratio = GROUND, 1.0  # it is held
+        for term in coupler.terms:
+            followed, ratio = turning[term.coordinate], term.ratio
         # Coordinates count from the reference, at which the start fulfils it. Both angles are the
         # other way round, which leaves the ratio as it is.
-        markers = [follows, *followed]
         self.add(
             items.ObjectConnectorCoordinate(
-                name=f"coupler {coupler.name}", markerNumbers=markers, factor1=ratio
+                name=f"coupler {coupler.name}",
+                markerNumbers=self.rotations(follows, followed),
+                factor1=ratio,
             )
         )
 

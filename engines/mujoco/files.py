@@ -20,7 +20,7 @@ from .compat import CALLBACK, mujoco
 from .planar import MUJOCO, PlanarModel, as_name, planar_model
 
 _LARGEST = 20_000_000  # [B] of a file
-_MIMICS = re.compile(r"<\s*mimic\b")
+_MIMICS = re.compile(rb"<\s*mimic\b")
 
 
 def read_model(source: str | Path | Any, start: ModelStart) -> PlanarModel:
@@ -88,7 +88,7 @@ def _compiled(source: str | Path | Any) -> tuple[Any, str]:
         return source, _name(source, "model")
     is_text = _is_text(source)
     where = "the MJCF text" if is_text else str(source)
-    content = str(source) if is_text else read_bytes(Path(source), _LARGEST)
+    content = source.encode() if is_text else read_bytes(Path(source), _LARGEST)
     try:
         with CALLBACK:
             if is_text:
@@ -97,7 +97,7 @@ def _compiled(source: str | Path | Any) -> tuple[Any, str]:
                 model = mujoco.MjModel.from_xml_path(str(source))
     except ValueError as error:
         raise InputError(f"{where}: MuJoCo cannot read it: {shortened(str(error))}.") from None
-    if _MIMICS.search(str(content)) and not model.neq:
+    if not model.neq and _MIMICS.search(content):
         raise UnsupportedProblemError(
             f"{where} has a joint that follows another one (<mimic>), which MuJoCo "
             f"{mujoco.__version__} passes over; later versions read it."

@@ -56,6 +56,7 @@ from ..given import ModelStepper, SteppedModel
 from ..study import GivenRun, ModelCause, ModelOptions, ModelStates
 from .compat import mass_matrix, mujoco
 from .motion import raised_warnings
+from .reference_acceleration import equality_rows
 
 _ALONG = 1e-9  # by which a unit vector may leave the plane or its normal
 _LONGEST_NAME = 60
@@ -332,7 +333,7 @@ class PlanarModel:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         names = ("qpos", "qvel", "qacc", "sites", "mass")
         found: dict[str, list[FloatArray]] = {name: [] for name in names}
-        closed, times = list[FloatArray](), self.controls.times
+        residuals, times = list[dict[int, FloatArray]](), self.controls.times
         if len(times) > _MOST_TIMES:
             times = random.choice(times, _MOST_TIMES, replace=False)
         times = np.resize(times, max(number, len(times)))
@@ -346,7 +347,7 @@ class PlanarModel:
                     found[name].append(np.array(values))
                 found["sites"].append(np.array(data.site_xpos).reshape(-1, 3))
                 found["mass"].append(mass_matrix(model, data))
-                closed.append(self._loops(data))
+                residuals.append(self._residuals(data))
         finally:
             model.opt.disableflags = before
         qpos, qvel, qacc, sites, mass = (np.array(values) for values in found.values())
@@ -361,41 +362,37 @@ class PlanarModel:
             gaps={name: qpos @ row - limit for name, (row, limit) in self.limits.items()},
             markers={name: sites[:, site] @ axes for name, site in self.sites.items()},
             loops={
-                name: (np.array(closed)[:, k, 0], np.array(closed)[:, k, 1])
-                for k, name in enumerate(self.equalities)
+                name: (
+                    np.array([np.linalg.norm(rows[index][:3]) for rows in residuals]),
+                    np.array([self._turned(index, rows[index]) for rows in residuals]),
+                )
+                for name, index in self.equalities.items()
             },
             couplers={
-                name: np.array(closed)[:, k, 0] / factor
-                for k, (name, (_, factor)) in enumerate(
-                    self.couplings.items(), start=len(self.equalities)
-                )
+                name: np.array([float(rows[index][0]) for rows in residuals]) / factor
+                for name, (index, factor) in self.couplings.items()
             },
         )
 
-    def _loops(self, data: Any) -> FloatArray:
-        """MuJoCo's residuals of the equalities at a state, as distance and |sin| of half an angle.
+    def _turned(self, equality: int, rows: FloatArray) -> float:
+        """Value of |sin| of half the angle by which a weld is off; 0 of others."""
+        if len(rows) <= 3:
+            return 0.0
+        return float(np.linalg.norm(rows[3:])) / float(self.model.eq_data[equality, 10])
 
-        Those of couplers come last, with their sign. Shape (n_equalities, 2).
-        """
-        coupled = [index for index, _ in self.couplings.values()]
-        model, residuals = self.model, np.zeros((len(self.equalities) + len(coupled), 2))
-        if not len(residuals):
-            return residuals
+    def _residuals(self, data: Any) -> dict[int, FloatArray]:
+        """MuJoCo's residuals of the equalities at a state, by number: three of points."""
+        model = self.model
+        read = (*self.equalities.values(), *(index for index, _ in self.couplings.values()))
+        if not read:
+            return {}
         before = model.opt.disableflags
         flags = mujoco.mjtDisableBit
         model.opt.disableflags = (before & ~int(flags.mjDSBL_CONSTRAINT)) | flags.mjDSBL_LIMIT
         mujoco.mj_forward(model, data)
-        for k, index in enumerate((*self.equalities.values(), *coupled)):
-            is_row = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-            rows = np.array(data.efc_pos)[is_row & (data.efc_id == index)]
-            if k >= len(self.equalities):
-                residuals[k, 0] = float(rows[0])
-                continue
-            residuals[k, 0] = np.linalg.norm(rows[:3])
-            if len(rows) > 3:  # a weld
-                residuals[k, 1] = np.linalg.norm(rows[3:]) / model.eq_data[index, 10]
+        found = {index: np.array(data.efc_pos[equality_rows(data, index)]) for index in read}
         model.opt.disableflags = before
-        return residuals
+        return found
 
 
 def planar_model(

@@ -132,18 +132,13 @@ def start_of(model: Any) -> FloatArray:
 
 def closed(model: Any, qpos: FloatArray) -> FloatArray:
     """The nearest position in which a model's equalities hold, by Newton's iteration."""
+    model.opt.jacobian = MUJOCO.mjtJacobian.mjJAC_DENSE
     data, qpos = MUJOCO.MjData(model), np.array(qpos)
     for _ in range(_ITERATIONS):
         data.qpos[:] = qpos
         MUJOCO.mj_forward(model, data)
         of_equality = data.efc_type == int(MUJOCO.mjtConstraint.mjCNSTR_EQUALITY)
-        rows = np.zeros((data.nefc, model.nv))
-        if MUJOCO.mj_isSparse(model):
-            MUJOCO.mju_sparse2dense(
-                rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
-            )
-        else:
-            rows[:] = np.reshape(data.efc_J, (data.nefc, model.nv))
+        rows = np.reshape(data.efc_J, (data.nefc, model.nv))
         step = -np.linalg.pinv(rows[of_equality]) @ data.efc_pos[of_equality]
         MUJOCO.mj_integratePos(model, qpos, step, 1.0)  # a free joint has a quaternion
     return qpos

@@ -103,11 +103,9 @@ def start_angles(mechanism: Mechanism) -> dict[str, float]:
     return mechanism.tree.configuration(mechanism.start).angles
 
 
-def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, int]:
+def hinge_weights(mechanism: Mechanism, body: str, other: str) -> dict[str, float]:
     """Weights of the hinges whose sum is the change of the angle between two bodies."""
-    up, down = hinge_chain(mechanism, body), hinge_chain(mechanism, other)
-    weights = {name: 1 for name in up if name not in down}
-    return weights | {name: -1 for name in down if name not in up}
+    return _summed([(hinge_chain(mechanism, body), 1.0), (hinge_chain(mechanism, other), -1.0)])
 
 
 def joint_weights(mechanism: Mechanism, weights: Mapping[str, float]) -> dict[str, float]:
@@ -118,12 +116,20 @@ def joint_weights(mechanism: Mechanism, weights: Mapping[str, float]) -> dict[st
         for joint in mechanism.tree_joints
         for coordinate, name in zip(joint.slides, slide_joints(joint), strict=True)
     }
+    chains = {
+        name: (slides[name],) if name in slides else hinge_chain(mechanism, turning[name])
+        for name in weights
+    }
+    return _summed([(chains[name], weight) for name, weight in weights.items()])
+
+
+def _summed(chains: Iterable[tuple[Iterable[str], float]]) -> dict[str, float]:
+    """Sums of the weights of chains by joint, without those that cancel."""
     sums: dict[str, float] = {}
-    for coordinate, weight in weights.items():
-        chain = hinge_chain(mechanism, turning[coordinate]) if coordinate in turning else ()
-        for name in chain or (slides[coordinate],):
+    for chain, weight in chains:
+        for name in chain:
             sums[name] = sums.get(name, 0.0) + weight
-    return sums
+    return {name: weight for name, weight in sums.items() if weight}
 
 
 def add_angle_tendon(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import geared, misplaced, pin
+from mechanisms import geared, misplaced
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.reference.solver import solve
 
@@ -16,26 +16,16 @@ END = 1.0
 
 def two_rods() -> tb.Mechanism:
     """A double pendulum whose second rod is geared to the first: two angles, in every engine."""
+    mechanism = geared()
     return tb.Mechanism(
         name="geared rods",
-        bodies=(
-            tb.Body(name="first", angle="alpha", mass=2.0, centre=(0.3, 0.0), inertia=0.1),
-            tb.Body(name="second", angle="beta", mass=1.0, centre=(0.0, -0.2), inertia=0.3),
-        ),
-        joints=(
-            pin("axle", "ground", "first"),
-            pin("elbow", "first", "second", (1.0, 0.0)),
-        ),
-        couplers=(
-            tb.Coupler(
-                name="gear", coordinate="beta", offset=0.4,
-                terms=(tb.CouplerTerm(coordinate="alpha", ratio=-1.7),),
-            ),
-        ),
+        bodies=mechanism.bodies[:2],
+        joints=mechanism.joints[:2],
+        couplers=mechanism.couplers[:1],
         markers=(tb.Marker(name="tip", body="second", point=(0.2, -0.5)),),
-        gravity=9.81,
-        start=(0.3, 0.4 - 1.7 * 0.3),
-    )  # fmt: skip
+        gravity=mechanism.gravity,
+        start=mechanism.start[:2],
+    )
 
 
 CASES = [("mujoco", geared()), ("mujoco", two_rods()), ("exudyn", two_rods())]

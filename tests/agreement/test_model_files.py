@@ -111,13 +111,13 @@ def test_random_models_move_as_they_do(seed: int) -> None:
 
 
 def changed_bodies(mechanism: tb.Mechanism, change: Callable[[tb.Body], Any]) -> tb.Mechanism:
-    """With bodies changed."""
+    """Change bodies."""
     bodies = tuple(body.model_copy(update=change(body)) for body in mechanism.bodies)
     return mechanism.model_copy(update={"bodies": bodies})
 
 
 def changed(kind: type, **factors: float) -> Callable[[tb.Mechanism], tb.Mechanism]:
-    """With numbers of the force elements of a class multiplied."""
+    """Multiply numbers of the force elements of a class."""
 
     def change(mechanism: tb.Mechanism) -> tb.Mechanism:
         elements = tuple(
@@ -133,14 +133,14 @@ def changed(kind: type, **factors: float) -> Callable[[tb.Mechanism], tb.Mechani
 
 
 def without(kind: type) -> Callable[[tb.Mechanism], tb.Mechanism]:
-    """With no force elements of a class."""
+    """Remove the force elements of a class."""
     return lambda m: m.model_copy(
         update={"force_elements": tuple(e for e in m.force_elements if type(e) is not kind)}
     )
 
 
 def changed_parts(group: str, **fields: Any) -> Callable[[tb.Mechanism], tb.Mechanism]:
-    """With fields of all of a group, as functions of what they were."""
+    """Change fields of all of a group, as functions of what they were."""
 
     def change(mechanism: tb.Mechanism) -> tb.Mechanism:
         parts = [
@@ -338,8 +338,6 @@ def test_a_command_starts_a_file_as_it_is_told(
         "prove": [str(path), "--digits", "5", *quick],
     }[command]
     arguments = [command, *words, "--out", str(out)]
-    if command == "prove":
-        arguments = [command, *words]
     assert main([*arguments, *start]) in (0, 1)
     capsys.readouterr()
     # Its own start is not on its equalities.

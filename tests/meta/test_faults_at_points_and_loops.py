@@ -158,7 +158,7 @@ def test_a_fault_is_caught_and_named(
 
 
 def _with_gear(mechanism: tb.Mechanism, ratio: float | None) -> tb.Mechanism:
-    """With another ratio of the first coupler, or without it."""
+    """Change the ratio of the first coupler, or remove it."""
     gear, *others = mechanism.couplers
     if ratio is None:
         return mechanism.model_copy(update={"couplers": tuple(others)})

@@ -64,7 +64,7 @@ def test_the_defaults_are_cannons_own() -> None:
 
 
 def test_shorter_steps_leave_an_error_of_first_order_and_no_floor() -> None:
-    """In double precision the error of 0.5 ms is a quarter of that of 2 ms, within a tenth."""
+    """Errors in double precision: that of 0.5 ms is a quarter of that of 2 ms, within a tenth."""
     problem = FREE_SWING.model_copy(update={"duration": 1.0})
     assert _error(problem, 2e-3) / _error(problem, 5e-4) == pytest.approx(4.0, rel=0.1)
 
@@ -86,13 +86,14 @@ def test_a_hanging_rods_pin_carries_its_weight_upwards() -> None:
     # (d: relaxation, h: step), until the gap has grown that makes up for it; the solver ends at a
     # sum of changes of 1e-12 N s, a force of 1e-8 N in a step.
     options, weight = engine.settings, MASS * GRAVITY
-    h, k, d = (float(options[name]) for name in ("timestep", "stiffness", "relaxation"))  # type: ignore[arg-type]
+    names = "timestep", "stiffness", "relaxation"
+    h, k, d = (float(options[name]) for name in names)  # type: ignore[arg-type]
     softness = 4 / (h**2 * k * (1 + 4 * d)) * MASS * weight
     assert np.abs(force - [0.0, weight]).max() <= softness + 1e-7
 
 
 def test_the_force_of_a_swinging_rod_is_its_closed_form() -> None:
-    """By Newton's second law of its centre, at the engine's own angle and speed; of first order."""
+    """Newton's second law of its centre, at the engine's own angle and speed; of first order."""
 
     def error(step: float) -> float:
         problem = tb.Problem(_rod(0.0), duration=1.0)
@@ -121,7 +122,7 @@ def test_it_builds_every_element_that_it_declares(name: str) -> None:
 
 
 def test_a_weld_holds_an_angle() -> None:
-    """Of welded bodies the motion is of first order, and forces are those of the reference."""
+    """Motion of welded bodies is of first order, and forces are those of the reference."""
     problem = benchmark("welded-rods").problem().model_copy(update={"duration": 0.3})
     coarse, fine = (_error(problem, h) for h in (2e-3, 1e-3))
     assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.2)
@@ -153,7 +154,7 @@ def test_a_rod_on_two_stops_stays_between_them() -> None:
 
 
 def test_the_other_edge_of_a_stops_cone_is_three_quarters_of_a_turn_on() -> None:
-    """By cannon-es alone; where a stop is let go for good, nothing is there."""
+    """A range of cannon-es alone; where a stop is let go for good, nothing is there."""
     stop = tb.Stop(name="rest", body="rod", sense=1, limit=0.0, closed=True)
     problem = tb.Problem(_rod(0.0, 8.0, stops=(stop,), gravity=0.0), duration=1.0)
     alone = tb.engine("cannon", "settings", timestep=1e-3).simulate(problem)

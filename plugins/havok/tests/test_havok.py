@@ -162,7 +162,7 @@ def test_the_free_swing_is_of_first_order(plane: bool) -> None:
 
 
 def test_each_of_what_the_settings_take_out_moves_the_free_swing() -> None:
-    """By more than half a step of the scheme does, at a step where that is the smaller error."""
+    """More than half a step of the scheme does, at a step where that is the smaller error."""
     alone = _error(FREE_SWING, 1e-3)
     for own in ({"angular_damping": 0.1}, {"stabilization": True}):
         assert _error(FREE_SWING, 1e-3, **own) > 2 * alone
@@ -199,7 +199,7 @@ def test_a_hanging_rod_pulls_its_pin_down(preset: str) -> None:
 
 
 def test_a_swinging_rod_has_the_force_of_its_closed_form() -> None:
-    """Of first order: along the rod m g sin a + m r w^2, across it from the turning moment."""
+    """First order: along the rod m g sin a + m r w^2, across it from the turning moment."""
     problem, errors = tb.Problem(_rod(speed=1.0), duration=1.0), list[float]()
     for step in (8e-3, 4e-3):
         found = tb.engine("havok", timestep=step).simulate(problem)

@@ -94,7 +94,7 @@ def test_a_hanging_rods_pin_carries_its_weight_upwards() -> None:
 
 
 def test_the_force_of_a_swinging_rod_is_its_closed_form() -> None:
-    """Of Newton's second law of its centre, at the engine's own angle and speed."""
+    """Newton's second law of its centre, at the engine's own angle and speed."""
     found = tb.engine("jolt", timestep=1e-3).simulate(tb.Problem(_rod(0.0), duration=1.0))
     q, u = found.q[:, 0], found.u[:, 0]
     turning = 1.5 * GRAVITY / LENGTH * np.cos(q)

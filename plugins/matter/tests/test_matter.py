@@ -124,7 +124,7 @@ def test_a_pin_in_the_ground_adds_a_pixel_squared_to_the_inertia_of_each_kilogra
 def test_a_turning_rod_loses_speed_as_its_pins_force_points_where_the_pin_will_be(
     iterations: int, share: float
 ) -> None:
-    """It points from the centre of mass as it is at the end of a step, so that from the speed w it
+    """Points from the centre of mass as it is at the end of a step, so that from the speed w it
     takes m r^2 / (m r^2 + I) w^3 h a second. Iterations that end early leave the force to several:
     of it `WARMING` is a correction's that was half a step before, the square of that another half,
     and so on: 0.4 / 0.6 halves of a step less, two thirds of the loss."""

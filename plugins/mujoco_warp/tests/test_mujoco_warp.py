@@ -107,7 +107,7 @@ def _error(problem: tb.Problem, preset: str, step: float, **options: Any) -> flo
 def test_the_free_swing_falls_with_the_order(
     preset: str, integrator: str, step: float, order: float
 ) -> None:
-    """At steps whose error is far above rounding."""
+    """Steps have errors far above rounding."""
     coarse, fine = (_error(FREE_SWING, preset, h, integrator=integrator) for h in (step, step / 2))
     assert np.log2(coarse / fine) == pytest.approx(order, abs=0.3)
 
@@ -163,7 +163,7 @@ def test_a_swinging_rod_pulls_by_the_closed_form(preset: str) -> None:
 
 @pytest.mark.parametrize("preset", [SETTINGS, ASSISTED])
 def test_a_stop_has_the_torque_of_the_weight_that_it_holds(preset: str) -> None:
-    """Both machines start at rest on their stops, with torques that the reference has, too."""
+    """Machines start at rest on their stops, with torques that the reference has, too."""
     problem = tb.Problem(tb.fixed(), duration=1.0)
     found = _engine(preset, timestep=1e-3).simulate(problem)
     truth = tb.solve(problem.model_copy(update={"duration": 1.01})).trajectory(found.t)
@@ -175,7 +175,7 @@ def test_a_stop_has_the_torque_of_the_weight_that_it_holds(preset: str) -> None:
 
 @pytest.mark.parametrize("name", ["squeezer", "slider-crank", "n-four-bar"])
 def test_a_loop_has_the_force_of_each_joint(name: str) -> None:
-    """By multipliers, of accelerations in single precision: 1e4 is what a mass matrix and closures
+    """Multipliers of accelerations in single precision: 1e4 is what a mass matrix and closures
     of such mechanisms multiply rounding by, at most."""
     known = library_problem(name, None)
     assert known is not None
@@ -184,7 +184,7 @@ def test_a_loop_has_the_force_of_each_joint(name: str) -> None:
 
 
 def test_equalities_tell_the_forces_of_a_loop() -> None:
-    """With a time constant of 20 steps, after 15 of which critical damping leaves 5e-6. With one of
+    """A time constant of 20 steps, after 15 of which critical damping leaves 5e-6. With one of
     a step the rounding of places, by 1 / h^2, is larger than the forces."""
     known = library_problem("squeezer", None)
     assert known is not None

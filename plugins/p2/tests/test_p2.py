@@ -84,7 +84,7 @@ def test_it_builds_every_element(name: str) -> None:
 
 
 def test_a_weld_of_bodies_with_one_centre_holds() -> None:
-    """Where p2-es's LockConstraint holds no angle."""
+    """Angles that p2-es's LockConstraint does not hold."""
     rods = [
         tb.Body(
             name=name,

@@ -149,7 +149,7 @@ def test_a_limit_that_holds_from_one_side_lets_go_by_the_correction_of_pins() ->
 
 
 def test_a_stop_that_is_met_stops_what_meets_it() -> None:
-    """Under the unilateral law, over more than a turn, without a rebound: the rod then rests on its
+    """The unilateral law, over more than a turn, without a rebound: the rod then rests on its
     stop."""
     rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
     pin = tb.PinJoint(
@@ -196,7 +196,7 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
 
 
 def test_richardsons_limit_of_the_free_swing_is_the_reference() -> None:
-    """In double precision its remainder is of the second order, a quarter at half the steps, and
+    """The remainder in double precision is of the second order, a quarter at half the steps, and
     2e-6 m."""
     truth = solve(FREE_SWING).trajectory(np.array([2.0]))
     ends = []

@@ -177,7 +177,7 @@ def test_a_swinging_rods_force_is_that_of_the_closed_form_and_of_first_order() -
 
 
 def test_a_stop_that_is_met_stops_what_meets_it_and_two_on_a_pin_are_one_range() -> None:
-    """Under the unilateral law, without a rebound: the rod then rests on its stop."""
+    """The unilateral law, without a rebound: the rod then rests on its stop."""
     stops = tuple(
         tb.Stop(name=name, body="rod", sense=sense, limit=sense * limit, closed=False)
         for name, sense, limit in (("below", -1, 1.0), ("above", 1, -0.5))
@@ -216,7 +216,7 @@ def test_a_stop_is_read_as_released_where_it_has_pushed_last(model: str, preset:
     ],
 )
 def test_it_builds_every_element(name: str) -> None:
-    """Of first order, with joints as stiff as Box2D makes them: their gaps fall with the step."""
+    """First order, with joints as stiff as Box2D makes them: their gaps fall with the step."""
     problem = benchmark(name).problem().model_copy(update={"duration": 0.5})
     truth, errors = solve(problem), list[float]()
     for step in (4e-3, 2e-3, 1e-3):
@@ -251,7 +251,7 @@ def test_the_free_swing_falls_with_the_first_order_to_a_floor(sub_steps: int) ->
 
 
 def test_with_joints_of_60_hz_shorter_steps_do_not_help() -> None:
-    """What `settings` leaves is not rounding: joints that give way less are closer."""
+    """The rest that `settings` leaves is not rounding: joints that give way less are closer."""
     problem = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
     truth = solve(problem)
 

@@ -85,7 +85,7 @@ def test_the_program_gives_the_same_in_another_process() -> None:
 
 
 def test_dop853_is_of_order_eight_down_to_rounding() -> None:
-    """Without error control: a tolerance that every step keeps."""
+    """Error control is off: a tolerance that every step keeps."""
     problem = FREE_SWING.model_copy(update={"duration": 1.6})
     steps = (0.16, 0.08)
     errors = [

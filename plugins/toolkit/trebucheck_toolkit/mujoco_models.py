@@ -107,7 +107,7 @@ def capabilities_of(precision: str) -> Capabilities:
 
 
 def held_by_multipliers(title: str) -> tuple[Assistance, ...]:
-    """What trebucheck does in the place of an engine with multipliers, by its title."""
+    """Work that trebucheck does in the place of an engine with multipliers, by its title."""
     does = {
         Part.STEPS: "begins each step from the mechanism's coordinates; integrates "
         f"{title}'s accelerations by RK4 where something is held or a spring acts",
