@@ -88,7 +88,7 @@ def _compiled(source: str | Path | Any) -> tuple[Any, str]:
         return source, _name(source, "model")
     is_text = _is_text(source)
     where = "the MJCF text" if is_text else str(source)
-    content = source.encode() if is_text else read_bytes(Path(source), _LARGEST)
+    content = str(source).encode() if is_text else read_bytes(Path(source), _LARGEST)
     try:
         with CALLBACK:
             if is_text:

@@ -363,7 +363,7 @@ class PlanarModel:
             markers={name: sites[:, site] @ axes for name, site in self.sites.items()},
             loops={
                 name: (
-                    np.array([np.linalg.norm(rows[index][:3]) for rows in residuals]),
+                    np.array([float(np.linalg.norm(rows[index][:3])) for rows in residuals]),
                     np.array([self._turned(index, rows[index]) for rows in residuals]),
                 )
                 for name, index in self.equalities.items()
