@@ -181,8 +181,16 @@ def refuse_infinite(what: str, *values: FloatArray) -> None:
 
 # As in SciPy's RungeKutta: of the step that the error estimate promises, least and greatest change
 # of a step.
-_SAFETY, _LEAST_FACTOR, _GREATEST_FACTOR = 0.9, 0.2, 10.0
+_SAFETY, _LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 10.0
 _EXPONENT = -1.0 / 8.0  # of the error, whose estimate is of seventh order
+
+
+def step_factor(error: float) -> float:
+    """Ratio of the next step to one with an error in parts of the tolerance."""
+    if error == 0:
+        return GREATEST_FACTOR
+    # An error that is no number asks for the shortest step.
+    return float(min(GREATEST_FACTOR, np.fmax(_LEAST_FACTOR, _SAFETY * error**_EXPONENT)))
 
 
 class CompiledIntegrator(Integrator):
@@ -221,11 +229,8 @@ class CompiledIntegrator(Integrator):
             self.nfev += len(stages) - 1
             if error < 1:
                 break
-            # An error that is no number asks for the shortest step.
-            size, rejected = size * np.fmax(_LEAST_FACTOR, _SAFETY * error**_EXPONENT), True
-        factor = _GREATEST_FACTOR
-        if error > 0:
-            factor = min(factor, _SAFETY * error**_EXPONENT)
+            size, rejected = size * step_factor(error), True
+        factor = step_factor(error)
         self.h_previous, self.y_old = size, self.y
         self.t, self.y, self.f = t, end, stages[-1]
         self.h_abs, self._stages = size * (min(1.0, factor) if rejected else factor), stages

@@ -162,9 +162,9 @@ def solve_scheduled(
     now, bounds = 0.0, (tolerance, tolerance)
     for end in (*sorted(openings), problem.duration):
         closed = tuple(name for name, t in schedule.items() if t is None or t > now)
-        segment, _, stepper = integrate_segment(equations, closed, now, y, end, bounds)
+        segment, _, _ = integrate_segment(equations, closed, now, y, end, bounds)
         segments.append(segment)
-        now, y = end, stepper.y
+        now, y = end, np.asarray(segment.interpolant(end))
     return Solution(
         problem=problem,
         equations=equations,

@@ -1,5 +1,7 @@
 """The reference motion: DOP853 between events, which are roots on its dense output.
 
+Where a damper, and nothing else, keeps its steps short, Radau's implicit method goes on.
+
 Releases and closings are both downward zero crossings of a function that starts at or above zero: a
 torque, or a gap. Inside each step the function is sampled at a few points. A gap that has just
 opened starts at zero and may be back before the first of them, and one that grazes zero may dip
@@ -10,7 +12,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,7 +21,6 @@ from scipy.integrate import DenseOutput, OdeSolution
 from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
-from ..models.elements import refuse_unknown
 from ..models.errors import InputError, SimulationError, UnsupportedProblemError
 from ..models.functions import AngleFunction
 from ..models.kinematics import initial_state
@@ -30,8 +31,6 @@ from .contact import ActiveSet, EventFunction, PostEventState
 from .equations import Equations
 from .integrator import (
     MOST_STEPS,
-    CompiledIntegrator,
-    Integrator,
     Interpolant,
     StepLimit,
     numerical,
@@ -39,13 +38,13 @@ from .integrator import (
 )
 from .singular import RankWatch, Window, note_singular_start
 from .solution import Segment, Solution
+from .stiff import Steps
 
 _MAX_EVENTS = 10_000
 _LAUNCH_SPANS = (2.0, 5.5)  # characteristic times; Table I launches at 1.5
 _PROBES = np.linspace(0.0, 1.0, 6)  # where inside a step the functions are sampled
 _PARTS = 8  # of a window across a singular position, each probed as a step is
 _SAME_TIME = 1e-13  # [s] events closer than this are one instant
-_TIME_CONSTANTS = 3.0  # length of a step where a damper decides
 _ROUNDING = 1e-12  # [rad] a gap this little below zero has just been at zero
 
 
@@ -56,7 +55,7 @@ def solve(
     equations: Equations | None = None,
     most_steps: int = MOST_STEPS,
 ) -> Solution:
-    """Integrate a problem with SciPy's DOP853.
+    """Integrate a problem with SciPy's DOP853, and Radau's method where dampers shorten its steps.
 
     Args:
         rtol, atol: local error bounds of the integrator, relative and absolute [rad, m, rad/s,
@@ -94,10 +93,10 @@ def _integrate(
         finder = EventFinder(held, initial, active_set.event_functions(initial))
         y = np.concatenate([initial.q, initial.u])
         to, tolerance = next(end for end in ends if end > initial.t), (rtol, atol)
-        segment, events, stepper = integrate_segment(
+        segment, events, taken = integrate_segment(
             held, initial.closed, initial.t, y, to, tolerance, finder.first, limit
         )
-        evaluations += stepper.nfev
+        evaluations += taken
         n_events += len(events)
         if n_events > _MAX_EVENTS:
             raise SimulationError(
@@ -203,7 +202,7 @@ def integrate_segment(
     tolerance: tuple[float, float],
     locate: Callable[[DenseOutput, float, float], list[Event]] = lambda dense, t0, t1: [],
     limit: StepLimit | None = None,
-) -> tuple[Segment, list[Event], Integrator]:
+) -> tuple[Segment, list[Event], int]:
     """Integrate under one active set from `start` to the first events, or to `end` [s].
 
     Args:
@@ -213,35 +212,25 @@ def integrate_segment(
         limit: of the motion that this is a segment of.
 
     Returns:
-        The segment, its events, and the integrator as it stopped (its state is that of the last
-        whole step).
+        The segment, its events, and the number of states whose accelerations it took.
 
     Raises:
         SimulationError: as :class:`.integrator.Integrator`, or a singular position is reached.
     """
     n_q = len(y) // 2
-
-    def rates(_: float, y: FloatArray) -> FloatArray:
-        return np.concatenate([y[n_q:], equations.solve(y[:n_q], y[n_q:], closed)[0]])
-
     watch, path = RankWatch(equations, closed, y[:n_q]), _Path(locate, start, end)
     if (window := watch.begin(start, y[:n_q], y[n_q:])) is not None:
         y = np.concatenate(watch.projected(*path.cross(window)))
-    longest = longest_step(equations, y[:n_q], closed)
-    now, compiled = path.times[-1], equations.compiled(y[:n_q], closed)
-    if compiled is not None:
-        stepper: Integrator = CompiledIntegrator(compiled, now, y, end, tolerance, limit, longest)
-    else:
-        stepper = Integrator(rates, now, y, end, tolerance, limit, longest)
+    steps = Steps(equations, closed, path.times[-1], y, end, tolerance, limit)
     while path.times[-1] < end and not path.events:
-        stepper.step()
+        stepper = steps.step()
         dense = stepper.dense_output()
         window = watch.window(dense, path.times[-1], stepper.t, stepper.y[n_q:])
         path.add(dense, stepper.t if window is None else window.start)
         if window is not None and not path.events:
             q, u = watch.projected(*path.cross(window))
             stepper.go_on(path.times[-1], np.concatenate([q, u]))
-    return path.segment(equations, closed), path.events, stepper
+    return path.segment(equations, closed), path.events, steps.evaluations
 
 
 class _Path:
@@ -435,28 +424,3 @@ def _root(function: Callable[[float], float], start: float, end: float) -> float
     if first * last >= 0:
         return start if abs(first) <= abs(last) else end
     return float(brentq(function, start, end, xtol=1e-15, rtol=1e-15))
-
-
-def longest_step(equations: Equations, q: FloatArray, closed: Sequence[str]) -> float:
-    """Longest step in a position, shape (n_q,) [s]; infinite without dampers.
-
-    DOP853's steps are limited by stability, not by accuracy, where a damper decides. On the border
-    of stability a step's end is accurate, for the error estimate of the next step corrects it, but
-    the dense output in between is not: with h times the decay rate at 6 it errs a hundred times
-    more than the step. Steps of at most `_TIME_CONSTANTS` are well inside.
-
-    Args:
-        closed: active stops.
-    """
-    elements = equations.mechanism.force_elements
-    refuse_unknown("The reference's limit of steps", elements)
-    if not any(element.dissipates for element in elements):
-        return np.inf
-    units = np.eye(len(q))
-    # Accelerations are quadratic in speeds: dampers are what is odd in them.
-    up, down = (
-        equations.solve(np.broadcast_to(q, units.shape), sign * units, closed)[0]
-        for sign in (1.0, -1.0)
-    )
-    fastest = np.abs(np.linalg.eigvals((up - down).T / 2)).max()
-    return _TIME_CONSTANTS / float(fastest) if fastest > 0 else np.inf

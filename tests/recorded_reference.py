@@ -16,7 +16,8 @@ from mechanisms import bouncing, parallel_cranks, slider_crank
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.reference.solution import Solution
-from trebucheck.reference.solver import longest_step, solve
+from trebucheck.reference.solver import solve
+from trebucheck.reference.stiff import longest_step
 
 TOLERANCE = 1e-9
 """Local error: loose enough that rounding decides on no step."""

@@ -144,6 +144,7 @@ class MujocoStepper:
         with raised_warnings():
             data, spent = copy(start), 0.0
             qpos[0], qvel[0] = data.qpos, data.qvel
+            warnings = data.warning.number  # a view: reading it anew takes as long as a step
             for k in range(steps):
                 data.ctrl[:] = controls[k]
                 mujoco.mj_step(model, data)
@@ -151,7 +152,7 @@ class MujocoStepper:
                 # Contacts were found at the beginning of the step, which they have changed.
                 if data.ncon and contact is None:
                     contact = k
-                if np.any(data.warning.number):
+                if warnings.any():
                     break
             else:
                 data, began = copy(start), process_time()

@@ -82,11 +82,14 @@ class ReferenceEngine(BuiltinEngine):
 
     integrator: Literal["dop853", "taylor", "auto"] = Field(
         default="dop853",
-        description="SciPy's DOP853, heyoka's Taylor series, or these where heyoka can take them",
+        description=(
+            "SciPy's DOP853, with Radau's method where dampers shorten its steps; heyoka's Taylor "
+            "series; or these where heyoka can take them"
+        ),
     )
     rtol: _Tolerance = Field(
         default=TOLERANCE,
-        description="relative local error of DOP853; Taylor series go to the last digit",
+        description="relative local error; Taylor series go to the last digit",
     )
     atol: _Tolerance = Field(
         default=TOLERANCE, description="absolute local error [rad, m, rad/s, m/s]"

@@ -182,6 +182,7 @@ ONE_IMPORTER = {
     "conformance.skeleton": "files of a new plug-in; its command imports it",
     "reference.motion": "tb.solve, and the sensitivities",
     "reference.sensitivity.sensitivities": "tb.sensitivities, and the horizons",
+    "reference.stiff": "an implicit method, and when it takes over",
     "reference.kernel": "arithmetic that Numba compiles, apart from when it does",
     "reference.certification.proved": "what is proved of a certificate's figures",
     "reference.certification.paper": "figures of the paper's machines alone",
