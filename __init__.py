@@ -48,8 +48,8 @@ _PUBLIC = {
     "models.controls": "ControlRecord",
     "models.elements": "ConstantForce ConstantTorque Coupler CouplerTerm CubicTorsionSpring "
     "FreeJoint PinJoint PointStop PrismaticJoint RecordedForce RecordedTorque "
-    "RotationalSpringDamper RotorInertia SlideSpringDamper SlotJoint SpringDamper Stop "
-    "TranslationJoint WeldJoint",
+    "RotationalSpringDamper RotorInertia SlideInertia SlideSpringDamper SlotJoint SpringDamper "
+    "Stop TranslationJoint WeldJoint",
     "models.library.registry": "model problem problems",
     "models.launch": "Launch",
     "models.library.trebuchet": """

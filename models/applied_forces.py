@@ -5,9 +5,10 @@ The formulas stand with the elements (:mod:`.elements`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +24,7 @@ from .elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -34,6 +36,7 @@ _Linear = (
     | CubicTorsionSpring
     | ConstantTorque
     | RotorInertia
+    | SlideInertia
     | SlideSpringDamper
     | RecordedForce
     | RecordedTorque
@@ -97,13 +100,13 @@ class AppliedForces:
 
         Bodies that no element acts on with a force are left out.
         """
-        forces: dict[str, FloatArray] = {}
-        for element, direction in self.terms:
-            for body, force in element.body_forces(self.kinematics, direction, q, u):
-                if body != GROUND:
-                    vector = np.stack([force.real, force.imag], axis=-1)
-                    forces[body] = forces.get(body, 0.0) + vector
-        return forces
+        terms = (e.body_forces(self.kinematics, along, q, u) for e, along in self.terms)
+        return _resultants(chain.from_iterable(terms))
+
+    def inertial_on_bodies(self, q: FloatArray, a: FloatArray) -> dict[str, FloatArray]:
+        """Resultant force on each body by accelerations a, as :meth:`on_bodies`."""
+        terms = (e.inertial_forces(self.kinematics, along, q, a) for e, along in self.terms)
+        return _resultants(chain.from_iterable(terms))
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Energy that the elements store [J], shape (...,)."""
@@ -121,3 +124,13 @@ class AppliedForces:
         for element, direction in self.terms:
             total += element.power(self.kinematics, direction, q, u)
         return total
+
+
+def _resultants(terms: Iterable[tuple[str, ComplexArray]]) -> dict[str, FloatArray]:
+    """Sum of the forces on each body but the ground [N], shape (..., 2)."""
+    forces: dict[str, FloatArray] = {}
+    for body, force in terms:
+        if body != GROUND:
+            vector = np.stack([force.real, force.imag], axis=-1)
+            forces[body] = forces.get(body, 0.0) + vector
+    return forces

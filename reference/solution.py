@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from scipy.integrate import OdeSolution
 
+from ..models.applied_forces import AppliedForces
 from ..models.arrays import FloatArray, IndexArray, as_vectors
 from ..models.errors import InputError
 from ..models.functions import PointCoefficients, weighted
@@ -174,6 +175,9 @@ class Solution(Shown):
             acting = segment.equations.applied_on_bodies(motion.q[i], motion.u[i])
             for body, force in acting.items():
                 applied[body][i] = force
+        inertial = AppliedForces(kinematics).inertial_on_bodies(motion.q, motion.a)
+        for body, force in inertial.items():
+            applied[body] += force
         needed = dict[str, FloatArray]()
         for body in mechanism.bodies:
             centre = kinematics.point(body.name, body.centre)

@@ -131,7 +131,7 @@ class RandomModel:
         if self._some(0.4):
             text += f' stiffness="{self._number(0.5, 9)!r}"'
             text += f' springref="{self._number(-0.4, 0.4)!r}"'
-        if kind == "hinge" and self._some(0.4):
+        if self._some(0.4):
             text += f' armature="{self._number(0.01, 0.5)!r}"'
         if self._some(0.3):
             text += f' range="{_text(ref - self._number(0.2, 2), ref + self._number(0.2, 2))}"'

@@ -547,6 +547,7 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",
+        elements.SlideInertia: "our adapter adds no inertia between two bodies",
         elements.RecordedForce: "our adapter follows no record of efforts",
         elements.RecordedTorque: "our adapter follows no record of efforts",
     },

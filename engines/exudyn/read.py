@@ -357,6 +357,7 @@ ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
         elements.ConstantForce: _no_energy,
         elements.ConstantTorque: _no_energy,
         elements.RotorInertia: _no_energy,
+        elements.SlideInertia: _no_energy,
         elements.SlideSpringDamper: _quadratic_energy,
         elements.RecordedForce: _no_energy,
         elements.RecordedTorque: _no_energy,

@@ -20,7 +20,7 @@ from .. import study
 from ..events import ContactEvents, note_own_releases, whole_steps
 from ..protocol import Recording
 from ..reading import timed_reading
-from .build import compiled, start_data, stop_constraints
+from .build import compiled, controls_of, start_data, stop_constraints
 from .compat import mujoco
 from .motion import STATE, raised_warnings, rollout
 from .options import MujocoOptions, scaled_solref
@@ -53,11 +53,16 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
     steps = whole_steps(problem.duration, options.timestep)
     before = np.empty(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, before, STATE)
+    times = options.timestep * np.arange(steps + 1, dtype=np.float64)
+    controls = controls_of(mechanism, model, times, options.timestep)
     with raised_warnings():
         # Its sensors are those before each step.
-        states, sensors = rollout(model, data, before[None], nstep=steps)
+        held = None if controls is None else controls[None, :-1]
+        states, sensors = rollout(model, data, before[None], held, nstep=steps)
         with timed_reading():
             mujoco.mj_setState(model, data, states[0, -1], STATE)
+            if controls is not None:
+                data.ctrl[:] = controls[-1]
             mujoco.mj_forward(model, data)
             states = np.concatenate([before[None], states[0]])
             sensors = np.concatenate([sensors[0], data.sensordata[None]])
@@ -106,10 +111,14 @@ def script(problem: Problem, options: MujocoOptions) -> str:
     mechanism = problem.mechanism
     text = model_text(mechanism, options)
     sums = absolute_from_relative(mechanism, compiled(mechanism, text))
+    instants = np.array([0.0, *mechanism.instants])
+    controls = controls_of(mechanism, compiled(mechanism, text), instants, options.timestep)
     return study.filled_template(
         __name__,
         "alone.py.j2",
         mjcf=text,
+        instants=instants.tolist(),
+        controls=None if controls is None else controls.tolist(),
         steps=whole_steps(problem.duration, options.timestep),
         start=mechanism.start,
         sums=sums.tolist(),

@@ -13,7 +13,14 @@ from typing import Any
 import numpy as np
 
 from ...models.arrays import FloatArray
-from ...models.elements import STOPS, ElementTable, Feature, PointStop, Stop
+from ...models.elements import (
+    STOPS,
+    ElementTable,
+    Feature,
+    PointStop,
+    RecordedEffort,
+    Stop,
+)
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
 from ...models.mjcf.elements import RAIL_SIDES, Points, felt_from, rail_contact, torque_sensor
@@ -293,6 +300,19 @@ def correction_of(
     return ReferenceAccelerationCorrection(
         model, options.moving_points, starts_at_the_solution, without_margin
     )
+
+
+def controls_of(
+    mechanism: Mechanism, model: Any, t: FloatArray, step: float
+) -> FloatArray | None:
+    """Controls of a model in steps [s] from times (n,) [s], shape (n, nu); None without records."""
+    records = [e for e in mechanism.force_elements if isinstance(e, RecordedEffort)]
+    if not records:
+        return None
+    controls, names = np.zeros((len(t), int(model.nu))), mjcf_names(mechanism)
+    for record in records:
+        controls[:, model.actuator(names[record.name]).id] = record.during(t, step)
+    return controls
 
 
 def start_data(model: Any) -> Any:

@@ -34,7 +34,7 @@ from ..events import (
 )
 from ..impact import Inertia
 from ..protocol import Recording
-from .build import correction_of, load, preload, slot_contacts, start_data, stop_constraints
+from .build import controls_of, correction_of, load, preload, slot_contacts, start_data, stop_constraints
 from .compat import CALLBACK, mass_matrix, mujoco
 from .options import MujocoOptions
 from .read import Samples, absolute_from_relative, recording
@@ -158,6 +158,16 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         with self.correction.applied():
             return super().proceed(start, end, watch)
 
+    def _controls(self, t: FloatArray) -> FloatArray | None:
+        """Controls of the steps that begin at times (n,) [s], shape (n, nu)."""
+        return controls_of(self.mechanism, self.model, t, self.timestep)
+
+    def _set_controls(self) -> None:
+        """Let the controls of the present time act."""
+        controls = self._controls(np.array([self.data.time]))
+        if controls is not None:
+            self.data.ctrl[:] = controls[0]
+
     def _begin_step(self, step: float) -> int:
         """Prepare steps of MuJoCo in place of a time step [s]; their number."""
         substeps = 1 if self.held else self.options.free_substeps
@@ -168,21 +178,27 @@ class MujocoMotion(SteppedMotion[FloatArray]):
     def step(self, before: FloatArray, step: float) -> None:
         """Take one time step [s] from a state, and find the forces at its end."""
         self._restore(before)
+        self._set_controls()
         if step > 0.0:
             self.correction.settle(self.data)
             substeps = self._begin_step(step)
             mujoco.mj_step(self.model, self.data, substeps)
             self.samples.steps += substeps
+            self._set_controls()
         self.correction.forward(self.data)
 
     def ahead(self, first: int, n: int, watch: Watch) -> int:
         """Take n time steps by MuJoCo's own loop, and record those before the first event."""
         before, start = self.save(), self.state()
         substeps = self._begin_step(self.options.timestep)
-        rolled, sensed = rollout(self.model, self.data, before[None], nstep=n * substeps)
+        controls = self._controls(self.times(np.arange(first, first + n)))
+        if controls is not None:
+            controls = np.repeat(controls, substeps, axis=0)[None]
+        rolled, sensed = rollout(self.model, self.data, before[None], controls, nstep=n * substeps)
         self.samples.steps += n * substeps
         # Its sensors are those before each step, and the data are left at the last stage of RK4.
         self._restore(rolled[0, -1])
+        self._set_controls()
         self.correction.forward(self.data)
         after = np.concatenate([sensed[0, 1:], self.data.sensordata[None]])
         # States and sensors after each time step, of shapes (n, n_state) and (n, n_sensor).

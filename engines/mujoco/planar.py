@@ -40,6 +40,7 @@ from ...models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SlotJoint,
     SpringDamper,
@@ -880,11 +881,8 @@ class _Reader:
         if model.jnt_actfrclimited[joint]:
             raise self._lacks(f"the joint {made.name!r} limits the force of its actuators")
         armature = float(model.dof_armature[degree])
-        if armature and not made.turns:
-            raise self._lacks(f"the slide {made.name!r} has an armature")
         if armature:
-            rotor = self.element_names.new(f"{made.name} rotor", "")
-            self.forces.append(RotorInertia(name=rotor, **made.between, inertia=armature))
+            self._add_inertia(made, armature)
         stiffness = float(model.jnt_stiffness[joint]) if self._is_on("SPRING") else 0.0
         damping = float(model.dof_damping[degree]) if self._is_on("DAMPER") else 0.0
         if stiffness or damping:
@@ -892,6 +890,14 @@ class _Reader:
             at_rest = float(model.qpos_spring[model.jnt_qposadr[joint]])
             self._add_spring(made, name, stiffness, damping, at_rest)
         self._add_limits(made)
+
+    def _add_inertia(self, made: _Made, armature: float) -> None:
+        element: dict[str, Any] = {"name": self.element_names.new(f"{made.name} rotor", "")}
+        element |= {**made.between, "inertia": armature}
+        if made.turns:
+            self.forces.append(RotorInertia(**element))
+        else:
+            self.forces.append(SlideInertia(**element, coordinate=self._along(made)[0]))
 
     def _lacks(self, what: str) -> UnsupportedProblemError:
         return UnsupportedProblemError(f"{self.name!r}: {what}, which no mechanism has.")

@@ -75,6 +75,7 @@ TAKEN_OFF: ElementTable[Callable[[], bool]] = ElementTable(
         elements.ConstantTorque: lambda: True,
         elements.RotorInertia: lambda: True,
         elements.SlideSpringDamper: lambda: False,  # forces of joints are not
+        elements.SlideInertia: lambda: True,  # its part along the slide is taken off below
         elements.RecordedForce: lambda: False,
         elements.RecordedTorque: lambda: False,
     },
@@ -121,32 +122,37 @@ def recording(
         potential_energy=sensor(POTENTIAL_ENERGY)[:, 0],
         stop_torques=torques,
         release_times=events.releases,
-        joint_reactions=_reactions(mechanism, sensor, q, u),
+        joint_reactions=_reactions(mechanism, sensor, np.concatenate(samples.times), q, u),
         impacts=tuple(events.impacts),
         steps=samples.steps,
     )
 
 
 def _reactions(
-    mechanism: Mechanism, sensor: Callable[[str], FloatArray], q: FloatArray, u: FloatArray
+    mechanism: Mechanism,
+    sensor: Callable[[str], FloatArray],
+    t: FloatArray,
+    q: FloatArray,
+    u: FloatArray,
 ) -> dict[str, FloatArray]:
     """Forces of the joints on their children in the world frame [N].
 
     A `force` sensor of a joint of the tree gives what the bodies beyond it need besides gravity,
-    contacts and what :data:`TAKEN_OFF` says; along a slide that is the force of its coupler, not of
-    its joint, which holds nothing there. A joint that closes a loop is on a massless welded
-    body; its sensor gives the force on that body from the body it is welded to, the opposite of the
-    joint's.
+    contacts and what :data:`TAKEN_OFF` says; along a slide that is the force of its coupler or
+    drive, not of its joint, which holds nothing there. A joint that closes a loop is on a massless
+    welded body; its sensor gives the force on that body from the body it is welded to, the opposite
+    of the joint's.
     """
     left_in = tuple(e for e in mechanism.force_elements if not TAKEN_OFF[e]())
     alone = Kinematics(mechanism.model_copy(update={"force_elements": left_in}))
     beyond: dict[str, FloatArray] = {}
-    for name, force in AppliedForces(alone).on_bodies(q, u).items():
-        body = name
-        while body != GROUND:
-            joint = mechanism.joint_of(body)
-            beyond[joint.name] = beyond.get(joint.name, 0.0) + force
-            body = joint.parent
+    for i, acting in AppliedForces(alone).at_times(t):
+        for name, force in acting.on_bodies(q[i], u[i]).items():
+            body = name
+            while body != GROUND:
+                joint = mechanism.joint_of(body)
+                beyond.setdefault(joint.name, np.zeros((len(t), 2)))[i] += force
+                body = joint.parent
 
     def in_world(joint: AnyJoint) -> FloatArray:
         a, b = sensor(force_sensor(joint.name))[:, IN_PLANE].T
@@ -154,12 +160,14 @@ def _reactions(
         cos, sin = np.cos(angle), np.sin(angle)
         return np.stack([a * cos + b * sin, b * cos - a * sin], axis=1)
 
-    coupled = {name for coupler in mechanism.couplers for name in coupler.coordinates}
+    driven = {name for coupler in mechanism.couplers for name in coupler.coordinates}
+    drives = (e for e in mechanism.force_elements if isinstance(e, elements.SlideInertia))
+    driven.update(drive.coordinate for drive in drives)
     reactions: dict[str, FloatArray] = {}
     for joint in mechanism.tree_joints:
         if joint.held_directions:
             force = in_world(joint) - beyond.get(joint.name, 0.0)
-            if coupled.intersection(joint.slides):
+            if driven.intersection(joint.slides):
                 force = _across(force, alone.slide_axis(joint.slides[0], q))
             reactions[joint.name] = force
     for joint in mechanism.loop_joints:

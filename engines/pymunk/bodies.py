@@ -176,6 +176,7 @@ _TURNED_FIELDS: elements.ElementTable[tuple[str, ...]] = elements.ElementTable(
         elements.ConstantForce: (),
         elements.ConstantTorque: (),
         elements.RotorInertia: (),
+        elements.SlideInertia: (),
         elements.SlideSpringDamper: (),
         elements.RecordedForce: (),
         elements.RecordedTorque: (),

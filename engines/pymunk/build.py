@@ -379,6 +379,7 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",
+        elements.SlideInertia: "our adapter adds no inertia between two bodies",
         elements.SlideSpringDamper: "our adapter builds no springs along slides",
         elements.RecordedForce: "our adapter follows no record of efforts",
         elements.RecordedTorque: "our adapter follows no record of efforts",

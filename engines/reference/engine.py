@@ -19,6 +19,7 @@ from ...models.elements import (
     RecordedForce,
     RecordedTorque,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     TranslationJoint,
 )
@@ -44,6 +45,7 @@ BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     RecordedForce,
     RecordedTorque,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     TranslationJoint,
 }

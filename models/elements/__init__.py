@@ -24,9 +24,10 @@ from .free import FreeJoint
 from .pin import PinJoint
 from .point_stop import PointStop
 from .prismatic import PrismaticJoint
-from .recorded_effort import RecordedForce, RecordedTorque
+from .recorded_effort import RecordedEffort, RecordedForce, RecordedTorque
 from .rotational_spring_damper import RotationalSpringDamper
 from .rotor_inertia import RotorInertia
+from .slide_inertia import SlideInertia
 from .slide_spring_damper import SlideSpringDamper
 from .slot import SlotJoint
 from .spring_damper import SpringDamper
@@ -59,10 +60,12 @@ __all__ = [
     "PinJoint",
     "PointStop",
     "PrismaticJoint",
+    "RecordedEffort",
     "RecordedForce",
     "RecordedTorque",
     "RotationalSpringDamper",
     "RotorInertia",
+    "SlideInertia",
     "SlideSpringDamper",
     "SlotJoint",
     "SpringDamper",
@@ -92,6 +95,7 @@ FORCE_ELEMENTS: tuple[type, ...] = (
     SlideSpringDamper,
     RecordedTorque,
     RecordedForce,
+    SlideInertia,
 )
 COUPLERS: tuple[type, ...] = (Coupler,)
 ELEMENTS: tuple[type, ...] = (*JOINTS, *STOPS, *FORCE_ELEMENTS, *COUPLERS)
@@ -124,6 +128,7 @@ AnyForceElement = (
     | SlideSpringDamper
     | RecordedTorque
     | RecordedForce
+    | SlideInertia
 )
 ForceElement = Annotated[AnyForceElement, Field(discriminator="kind")]
 

@@ -57,6 +57,7 @@ class Feature(StrEnum):
     GRAVITY_DIRECTION = "gravity in another direction than downwards"
     CUBIC_SPRING = "torsion springs with a cubic term"
     ROTOR_INERTIA = "rotor inertias"
+    SLIDE_INERTIA = "inertias along slides"
     SLIDE_SPRING = "springs and dampers along slides"
     TRANSLATION = "translation joints"
     RECORDED_TORQUE = "recorded torques"
@@ -350,6 +351,12 @@ class BaseForceElement(Spec):
         self, geometry: Geometry, direction: Direction, q: FloatArray, u: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
         """Forces on points of bodies, x + i y in the world [N]; none of a pure torque."""
+        return iter(())
+
+    def inertial_forces(
+        self, geometry: Geometry, direction: Direction, q: FloatArray, a: FloatArray
+    ) -> Iterator[tuple[str, ComplexArray]]:
+        """Forces on bodies by accelerations (..., n_q), x + i y in the world [N]; none of most."""
         return iter(())
 
     def potential_energy(

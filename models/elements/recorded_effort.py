@@ -15,6 +15,7 @@ from ..functions import AngleFunction
 from ..spec import Name, Real
 from .base import Feature, Geometry, LinearElement
 
+_ROUNDED = 1e-6  # of a step
 _ON_BODY = "on the body, the opposite on the other one"
 
 
@@ -59,6 +60,14 @@ class RecordedEffort(LinearElement):
         value = self.efforts[bisect_right(self.times, t) - 1]
         held: dict[str, Any] = {"times": (0.0,), self.values: (value,)}
         return self.model_copy(update=held)
+
+    def during(self, t: FloatArray, step: float) -> FloatArray:
+        """Efforts of an engine in its steps [s]: what acts where each begins, at times (n,) [s].
+
+        Times of steps are rounded: where one begins a millionth of it too early, it is not.
+        """
+        stages = np.searchsorted(self.instants, t + _ROUNDED * step, side="right")
+        return np.array(self.efforts)[stages]
 
     @property
     def works(self) -> bool:

@@ -27,10 +27,12 @@ from ..elements import (
     CubicTorsionSpring,
     ElementTable,
     PointStop,
+    RecordedEffort,
     RecordedForce,
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -339,6 +341,8 @@ class _ForceWriter(Generic[_E]):
     add_actuator: Callable[[_E, ET.Element, Mechanism], None] | None = None
     of_joint: Callable[[_E, Mechanism], tuple[str, OfJoint]] | None = None
     """Name of a hinge or slide, and what the element adds to it."""
+    control: Callable[[_E, float], float] | None = None
+    """Control of the actuator from a time [s] on; 0 where there is none."""
 
 
 @dataclass(frozen=True)
@@ -348,8 +352,8 @@ class Forces:
     Springs and dampers are tendons: spatial ones between two sites, or fixed ones over the hinges
     between two bodies. A constant force is an actuator on a site with the directions of a site of
     the world, a constant torque one on a fixed tendon; the bias of the actuator is the force, so
-    that it acts without any control. A rotor's inertia is the armature of a hinge; a spring, damper
-    or constant force along a slide is the slide's own, the force by an actuator.
+    that it acts without any control. A record is the control of an actuator. An inertia is the armature of a hinge or slide; a spring,
+    damper or constant force along a slide is the slide's own, the force by an actuator.
 
     Raises:
         UnsupportedProblemError: MJCF cannot express an element; the sentence names it.
@@ -409,13 +413,27 @@ class Forces:
                 writer.add_actuator(force, actuator, self.mechanism)
 
 
+    def controls(self, root: ET.Element, t: float) -> list[float]:
+        """Controls of all actuators of the file from a time [s] on; none without a record."""
+        controls = {
+            force.name: writer.control(force, t) for force, writer in self._by_class()
+            if writer.control
+        }  # fmt: skip
+        names = [each.get("name", "") for each in root.iterfind("actuator/*")]
+        return [controls.get(name, 0.0) for name in names] if controls else []
+
+
 def _ends(spring: SpringDamper) -> tuple[str, str]:
     """Names of the sites at its two points."""
     return f"{spring.name}/point", f"{spring.name}/relative point"
 
 
 def _tendon(
-    element: SpringDamper | RotationalSpringDamper | CubicTorsionSpring | ConstantTorque,
+    element: SpringDamper
+    | RotationalSpringDamper
+    | CubicTorsionSpring
+    | ConstantTorque
+    | RecordedTorque,
 ) -> str:
     """Name of its tendon, beside those of stops."""
     return f"{element.name}/{element.kind}"
@@ -462,7 +480,8 @@ def _angle_spring(
     return add_spring
 
 
-def _add_torque_tendon(torque: ConstantTorque, tendon: ET.Element, mechanism: Mechanism) -> None:
+def _add_torque_tendon(
+    torque: ConstantTorque | RecordedTorque, tendon: ET.Element, mechanism: Mechanism) -> None:
     add_angle_tendon(tendon, mechanism, torque.bodies, name=_tendon(torque))
 
 
@@ -500,9 +519,26 @@ def _of_slide(spring: SlideSpringDamper, mechanism: Mechanism) -> tuple[str, OfJ
     return _slide(spring, mechanism), own
 
 
-def _slide(spring: SlideSpringDamper, mechanism: Mechanism) -> str:
-    joint = mechanism.joint_of(spring.body)
-    return slide_joints(joint)[joint.slides.index(spring.coordinate)]
+def _of_drive(drive: SlideInertia, mechanism: Mechanism) -> tuple[str, OfJoint]:
+    return _slide(drive, mechanism), OfJoint(armature=drive.inertia)
+
+
+def _add_motor(record: RecordedTorque, actuator: ET.Element, _: Mechanism) -> None:
+    add(actuator, "motor", name=record.name, tendon=_tendon(record))
+
+
+def _add_slide_motor(record: RecordedForce, actuator: ET.Element, mechanism: Mechanism) -> None:
+    add(actuator, "motor", name=record.name, joint=_slide(record, mechanism))
+
+
+def _held(record: RecordedEffort, t: float) -> float:
+    (effort,) = record.at(t).efforts
+    return effort
+
+
+def _slide(element: SlideSpringDamper | SlideInertia | RecordedForce, mechanism: Mechanism) -> str:
+    joint = mechanism.joint_of(element.body)
+    return slide_joints(joint)[joint.slides.index(element.coordinate)]
 
 
 def _add_slide_force(spring: SlideSpringDamper, actuator: ET.Element, mechanism: Mechanism) -> None:
@@ -523,9 +559,10 @@ FORCE_WRITERS: ElementTable[_ForceWriter[Any]] = ElementTable(
         ConstantTorque: _ForceWriter(add_tendon=_add_torque_tendon, add_actuator=_add_torque),
         RotorInertia: _ForceWriter(of_joint=_of_hinge),
         SlideSpringDamper: _ForceWriter(of_joint=_of_slide, add_actuator=_add_slide_force),
-    },
-    {
-        RecordedForce: "MJCF has no place for a record of controls",
-        RecordedTorque: "MJCF has no place for a record of controls",
+        SlideInertia: _ForceWriter(of_joint=_of_drive),
+        RecordedTorque: _ForceWriter(
+            add_tendon=_add_torque_tendon, add_actuator=_add_motor, control=_held
+        ),
+        RecordedForce: _ForceWriter(add_actuator=_add_slide_motor, control=_held),
     },
 )

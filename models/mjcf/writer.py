@@ -275,11 +275,17 @@ class _Writer:
         # The start, and the events of the recorded motion.
         keyframe, still = add(root, "keyframe"), [0.0] * len(self.speeds)
         places, speeds = self._joint_values(still), self._joint_values(self.speeds)
-        add(keyframe, "key", name=HOME, qpos=places, qvel=speeds)
+        controls = self.forces.controls(root, 0.0)
+        common = {"ctrl": numbers(*controls)} if controls else {}
+        add(keyframe, "key", common, name=HOME, qpos=places, qvel=speeds)
         for key in self.motion.keyframes if self.motion else ():
             moved = [q - start for q, start in zip(key.q, self.start, strict=True)]
             places, speeds = self._joint_values(moved), self._joint_values(key.u)
             add(keyframe, "key", name=key.name, time=key.time, qpos=places, qvel=speeds)
+        # A record of controls, which whoever steps the model sets.
+        for k, t in enumerate(self.mechanism.instants, start=1):
+            controls = self.forces.controls(root, t)
+            add(keyframe, "key", name=f"controls/{k}", time=t, ctrl=controls)
         return root
 
     def _joint_values(self, rates: Sequence[float]) -> list[float]:

@@ -248,6 +248,7 @@ _FORCES: ElementTable[str] = ElementTable(
         elements.ConstantTorque: "motors",
         elements.RotorInertia: "rotors",
         elements.SlideSpringDamper: "slides",
+        elements.SlideInertia: "slide inertias",
         elements.RecordedTorque: "recorded torques",
         elements.RecordedForce: "recorded forces",
     },
@@ -349,6 +350,9 @@ class _AppliedCartesian:
         pushes = [(e.stiffness, e.damping, e.rest_position, e.force) for e in kinds["slides"]]
         pushes += [(0.0, 0.0, 0.0, _held(e, e.forces)) for e in kinds["recorded forces"]]
         self._slide_data = np.array(pushes, dtype=np.float64).reshape(-1, 4).T
+        driven = [mechanism.slide(e.coordinate) for e in kinds["slide inertias"]]
+        self._driven = _between_ends(mechanism, [(s.joint, s.direction) for s in driven])
+        self._driven_by = np.array([e.inertia for e in kinds["slide inertias"]])
         rotors = angles("rotors")
         self.rotors = rotors.T @ (np.array([e.inertia for e in kinds["rotors"]])[:, None] * rotors)
         """Their part of the mass matrix, shape (3 n_bodies, 3 n_bodies)."""
@@ -378,6 +382,14 @@ class _AppliedCartesian:
             stretch = self._slides.values(x) - rest
             forces += (constant - stiffness * stretch - damping * (rows @ v)) @ rows
         return forces
+
+    def drives(self, x: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Part of the mass matrix of inertias along slides, and forces without accelerations."""
+        if not len(self._driven):
+            return np.zeros((len(x), len(x))), np.zeros(len(x))
+        rows, inward = self._driven.derivatives(x, v)
+        weighted = self._driven_by[:, None] * rows
+        return rows.T @ weighted, inward @ weighted
 
     def potential_energy(self, x: FloatArray) -> float:
         """Energy of gravity, zero at the world's origin, and of springs [J]."""
@@ -480,11 +492,11 @@ class RedundantSystem:
             gaps = [self.gap(x, name) for name in active]
             error = np.concatenate([self.joint_errors(x), self._couplers.values(x), gaps])
             jacobian = self._constraints(x, v, active)[0]
-            x += self._kkt(active, jacobian, no_forces, -error)[: self.n]
+            x += self._kkt(active, self._mass, jacobian, no_forces, -error)[: self.n]
             if np.abs(error).max(initial=0.0) < 1e-12:
                 break
         jacobian = self._constraints(x, v, active)[0]
-        v = v + self._kkt(active, jacobian, no_forces, -jacobian @ v)[: self.n]
+        v = v + self._kkt(active, self._mass, jacobian, no_forces, -jacobian @ v)[: self.n]
         return np.concatenate([x, v])
 
     def joint_errors(self, x: FloatArray) -> FloatArray:
@@ -531,7 +543,8 @@ class RedundantSystem:
     def energy(self, y: FloatArray) -> float:
         """Total energy, of gravity (zero at the world's origin) and springs [J]."""
         x, v = y[: self.n], y[self.n :]
-        return float(v @ self._mass @ v) / 2 + self._applied.potential_energy(x)
+        mass = self._mass + self._applied.drives(x, v)[0]
+        return float(v @ mass @ v) / 2 + self._applied.potential_energy(x)
 
     def reactions(self, y: FloatArray, active: tuple[str, ...]) -> dict[str, FloatArray]:
         """Force of each joint on its child, world frame [N], (2,): the multipliers themselves."""
@@ -572,7 +585,12 @@ class RedundantSystem:
         return np.vstack(rows), np.concatenate(right)
 
     def _kkt(
-        self, active: tuple[str, ...], jacobian: FloatArray, forces: FloatArray, right: FloatArray
+        self,
+        active: tuple[str, ...],
+        mass: FloatArray,
+        jacobian: FloatArray,
+        forces: FloatArray,
+        right: FloatArray,
     ) -> FloatArray:
         """Accelerations and multipliers; of dependent constraints the multipliers of least norm."""
         if active not in self._ranks:
@@ -583,7 +601,7 @@ class RedundantSystem:
             jacobian, right = independent.T @ jacobian, independent.T @ right
         n, m = self.n, len(jacobian)
         matrix = np.zeros((n + m, n + m))
-        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = self._mass, -jacobian.T, jacobian
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = mass, -jacobian.T, jacobian
         try:
             right = np.concatenate([forces, right])
             solution = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
@@ -599,7 +617,9 @@ class RedundantSystem:
         """Accelerations, then multipliers."""
         x, v = y[: self.n], y[self.n :]
         jacobian, right = self._constraints(x, v, active)
-        return self._kkt(active, jacobian, self._applied.generalized(x, v), right)
+        inertia, inward = self._applied.drives(x, v)
+        forces = self._applied.generalized(x, v) + inward
+        return self._kkt(active, self._mass + inertia, jacobian, forces, right)
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from ...models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -84,7 +85,8 @@ def joint_reactions(
     for body, centre in zip(mechanism.bodies, kinematics.centres, strict=True):
         needed[body.name] = body.mass * (weighted(second, centre) - gravity)
     for element in mechanism.force_elements:
-        for body, force in _ELEMENTS[element].on_bodies(kinematics, element, q, u):
+        own, motion = _ELEMENTS[element], (q, u, forces.accelerations)
+        for body, force in own.on_bodies(kinematics, element, *motion):
             if body in needed:
                 needed[body] -= force
 
@@ -103,8 +105,10 @@ class _Element(NamedTuple):
 
     energy: Callable[[BallKinematics, Any, Coordinates], Ball]
     on_bodies: Callable[
-        [BallKinematics, Any, Coordinates, Coordinates], Iterator[tuple[str, Complex]]
+        [BallKinematics, Any, Coordinates, Coordinates, Coordinates],
+        Iterator[tuple[str, Complex]],
     ]
+    """Forces by coordinates, speeds and accelerations."""
     doubled_kinetic_energy: Callable[[BallKinematics, Any, Coordinates], Ball]
 
 
@@ -118,7 +122,7 @@ def _spring_energy(kinematics: BallKinematics, e: SpringDamper, q: Coordinates) 
 
 
 def _spring_forces(
-    kinematics: BallKinematics, e: SpringDamper, q: Coordinates, u: Coordinates
+    kinematics: BallKinematics, e: SpringDamper, q: Coordinates, u: Coordinates, _: Coordinates
 ) -> Iterator[tuple[str, Complex]]:
     direction = e.direction(kinematics)
     vector: Complex = kinematics.vector(direction, q)
@@ -149,13 +153,15 @@ def _cubic_energy(kinematics: BallKinematics, e: CubicTorsionSpring, q: Coordina
 
 
 def _constant_force(
-    _: BallKinematics, e: ConstantForce, __: Coordinates, ___: Coordinates
+    _: BallKinematics, e: ConstantForce, *__: Coordinates
 ) -> Iterator[tuple[str, Complex]]:
     yield e.body, acb(*e.force)
 
 
-def _rotor_energy(kinematics: BallKinematics, e: RotorInertia, u: Coordinates) -> Ball:
-    """J w^2 [J]."""
+def _rotor_energy(
+    kinematics: BallKinematics, e: RotorInertia | SlideInertia, u: Coordinates
+) -> Ball:
+    """J w^2 or J v^2 [J]."""
     senses = e.direction(kinematics).coefficients
     rate = sum((float(g) * speed.real for g, speed in zip(senses, u, strict=True)), arb(0))
     return e.inertia * squared(rate)
@@ -167,12 +173,21 @@ def _slide_energy(kinematics: BallKinematics, e: SlideSpringDamper, q: Coordinat
 
 
 def _slide_forces(
-    kinematics: BallKinematics, e: SlideSpringDamper, q: Coordinates, u: Coordinates
+    kinematics: BallKinematics, e: SlideSpringDamper, q: Coordinates, u: Coordinates, _: Coordinates
 ) -> Iterator[tuple[str, Complex]]:
     slide = e.direction(kinematics)
     stretch, rate = slide.value(q).real - e.rest_position, slide.value(u).real
     size = e.force - e.stiffness * stretch - e.damping * rate
     force = size * kinematics.slide_axis(e.coordinate, q)
+    yield e.body, force
+    yield e.relative_to, -force
+
+
+def _drive_forces(
+    kinematics: BallKinematics, e: SlideInertia, q: Coordinates, _: Coordinates, a: Coordinates
+) -> Iterator[tuple[str, Complex]]:
+    rate = e.direction(kinematics).value(a).real
+    force = -e.inertia * rate * kinematics.slide_axis(e.coordinate, q)
     yield e.body, force
     yield e.relative_to, -force
 
@@ -196,6 +211,7 @@ _ELEMENTS: ElementTable[_Element] = ElementTable(
         ConstantTorque: _Element(_no_energy, _no_forces, _no_energy),
         RotorInertia: _Element(_no_energy, _no_forces, _rotor_energy),
         SlideSpringDamper: _Element(_slide_energy, _slide_forces, _no_energy),
+        SlideInertia: _Element(_no_energy, _drive_forces, _rotor_energy),
     },
     {
         RecordedForce: "a record of efforts changes over time",

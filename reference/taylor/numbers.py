@@ -34,6 +34,7 @@ from ...models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -232,6 +233,10 @@ def _along_slide(terms: _ForceTerms, kinematics: Kinematics, e: SlideSpringDampe
     terms.twists.append((numbers, kinematics.slide(e.coordinate)))
 
 
+def _drive(terms: _ForceTerms, kinematics: Kinematics, e: SlideInertia) -> None:
+    terms.twists.append(((0.0, 0.0, 0.0, 0.0, 0.0, e.inertia), kinematics.slide(e.coordinate)))
+
+
 _AddTerms = Callable[[_ForceTerms, Kinematics, Any], None]
 _TERMS: ElementTable[_AddTerms] = ElementTable(
     "The Taylor integrator",
@@ -244,6 +249,7 @@ _TERMS: ElementTable[_AddTerms] = ElementTable(
         ConstantTorque: _twist(lambda e, _: (0.0, 0.0, e.torque, 0.0, 0.0, 0.0)),
         RotorInertia: _twist(lambda e, _: (0.0, 0.0, 0.0, 0.0, 0.0, e.inertia)),
         SlideSpringDamper: _along_slide,
+        SlideInertia: _drive,
     },
     {
         RecordedForce: "a record of efforts changes over time",

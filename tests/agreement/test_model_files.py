@@ -378,7 +378,6 @@ def two_hinges(equality: str, tendons: str = "") -> str:
         (inline(""), "no joint"),
         (inline(HINGE.replace("/>", ' frictionloss="1"/>')), "--without friction-loss"),
         (inline(HINGE, '<option density="1"/>'), "--without fluid"),
-        (inline(HINGE.replace("hinge", "slide").replace("/>", ' armature="1"/>')), "armature"),
         (inline(HINGE.replace("/>", ' actuatorfrcrange="-1 1"/>')), "actuators"),
         (inline(HINGE + HINGE.replace('"j"', '"k"')), "'k'"),
         (

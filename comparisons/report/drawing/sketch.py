@@ -39,6 +39,7 @@ from ....models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SlotJoint,
     SpringDamper,
@@ -485,8 +486,8 @@ def _add_record(sketch: Sketch, element: RecordedTorque) -> None:
         _add_turn(sketch, element, element.torques[0])
 
 
-def _add_no_symbol(_sketch: Sketch, _element: RecordedForce) -> None:
-    """Nothing: its size and sense change."""
+def _add_no_symbol(_sketch: Sketch, _element: RecordedForce | SlideInertia) -> None:
+    """Nothing: a force whose size and sense change."""
 
 
 def _add_turn(sketch: Sketch, element: ConstantTorque | RecordedTorque, torque: float) -> None:
@@ -588,6 +589,7 @@ FORCE_SYMBOLS: ElementTable[Callable[[Sketch, Any], None]] = ElementTable(
         SlideSpringDamper: _add_slide_spring,
         RecordedTorque: _add_record,
         RecordedForce: _add_no_symbol,
+        SlideInertia: _add_no_symbol,
     },
 )
 

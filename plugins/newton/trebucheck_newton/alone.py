@@ -31,6 +31,7 @@ from trebucheck.models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -60,6 +61,7 @@ _BUILT: ElementTable[str] = ElementTable(
         ConstantForce: "our adapter builds forces on joints alone",
         CubicTorsionSpring: "our adapter builds linear springs alone",
         RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideInertia: "our adapter adds no inertia along slides",
         SlideSpringDamper: "our adapter builds no springs along slides",
         RecordedForce: "our adapter follows no record of efforts",
         RecordedTorque: "our adapter follows no record of efforts",

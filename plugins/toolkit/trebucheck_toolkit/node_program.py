@@ -37,6 +37,7 @@ from trebucheck.models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -159,6 +160,7 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
     {
         CubicTorsionSpring: "its springs are linear",
         RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
         RecordedForce: "our adapter follows no record of efforts",
         RecordedTorque: "our adapter follows no record of efforts",

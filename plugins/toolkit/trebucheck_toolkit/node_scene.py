@@ -34,6 +34,7 @@ from trebucheck.models.elements import (
     RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SlotJoint,
     SpringDamper,
@@ -263,6 +264,7 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], Json]] = ElementTable(
     {
         CubicTorsionSpring: "its springs are linear",
         RotorInertia: "our adapter adds no inertia between two bodies",
+        SlideInertia: "our adapter adds no inertia between two bodies",
         SlideSpringDamper: "our adapter builds no springs along slides",
         RecordedForce: "our adapter follows no record of efforts",
         RecordedTorque: "our adapter follows no record of efforts",
