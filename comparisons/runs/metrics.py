@@ -159,8 +159,22 @@ class AlignedRun:
 
     @cached_property
     def of_forces(self) -> BoolArray:
-        """Compared samples at which forces are compared: smooth, unpushed and away from poles."""
-        return self.smooth & self.away & self.unpushed
+        """Compared samples at which forces are compared.
+
+        They are smooth, unpushed, away from poles and from instants of a record of efforts.
+        """
+        return self.smooth & self.away & self.unpushed & self.held
+
+    @cached_property
+    def held(self) -> BoolArray:
+        """Compared samples that are not beside an instant at which a recorded effort changes.
+
+        An engine has the new effort from the step on that begins there, and times are rounded.
+        """
+        away, guard = np.ones(len(self.t), dtype=bool), EVENT_GUARD * self.step
+        for instant in self.trajectory.mechanism.instants:
+            away &= np.abs(self.t - instant) > guard
+        return away
 
     def impact_pairs(self, stop: str) -> list[Pair]:
         """Pairs of times of a stop's impacts in both motions (:func:`.impacts.paired`)."""
@@ -192,7 +206,7 @@ class AlignedRun:
         """
         chosen, where = self.smooth, "at an impact"
         if forces:
-            chosen, where = self.of_forces, "at an impact or beside a singular position"
+            chosen, where = self.of_forces, "at an impact or instant, or beside a singular position"
         if not chosen.any():
             return not_observed(name, subject, unit, f"every sample is {where}")
         value = float(self.distance(values, reference)[chosen].max())

@@ -302,9 +302,7 @@ def correction_of(
     )
 
 
-def controls_of(
-    mechanism: Mechanism, model: Any, t: FloatArray, step: float
-) -> FloatArray | None:
+def controls_of(mechanism: Mechanism, model: Any, t: FloatArray, step: float) -> FloatArray | None:
     """Controls of a model in steps [s] from times (n,) [s], shape (n, nu); None without records."""
     records = [e for e in mechanism.force_elements if isinstance(e, RecordedEffort)]
     if not records:

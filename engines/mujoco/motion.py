@@ -34,7 +34,15 @@ from ..events import (
 )
 from ..impact import Inertia
 from ..protocol import Recording
-from .build import controls_of, correction_of, load, preload, slot_contacts, start_data, stop_constraints
+from .build import (
+    controls_of,
+    correction_of,
+    load,
+    preload,
+    slot_contacts,
+    start_data,
+    stop_constraints,
+)
 from .compat import CALLBACK, mass_matrix, mujoco
 from .options import MujocoOptions
 from .read import Samples, absolute_from_relative, recording

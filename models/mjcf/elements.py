@@ -352,8 +352,9 @@ class Forces:
     Springs and dampers are tendons: spatial ones between two sites, or fixed ones over the hinges
     between two bodies. A constant force is an actuator on a site with the directions of a site of
     the world, a constant torque one on a fixed tendon; the bias of the actuator is the force, so
-    that it acts without any control. A record is the control of an actuator. An inertia is the armature of a hinge or slide; a spring,
-    damper or constant force along a slide is the slide's own, the force by an actuator.
+    that it acts without any control. A record is the control of an actuator. An inertia is the
+    armature of a hinge or slide; a spring, damper or constant force along a slide is the slide's
+    own, the force by an actuator.
 
     Raises:
         UnsupportedProblemError: MJCF cannot express an element; the sentence names it.
@@ -411,7 +412,6 @@ class Forces:
         for force, writer in self._by_class():
             if writer.add_actuator:
                 writer.add_actuator(force, actuator, self.mechanism)
-
 
     def controls(self, root: ET.Element, t: float) -> list[float]:
         """Controls of all actuators of the file from a time [s] on; none without a record."""
@@ -481,7 +481,8 @@ def _angle_spring(
 
 
 def _add_torque_tendon(
-    torque: ConstantTorque | RecordedTorque, tendon: ET.Element, mechanism: Mechanism) -> None:
+    torque: ConstantTorque | RecordedTorque, tendon: ET.Element, mechanism: Mechanism
+) -> None:
     add_angle_tendon(tendon, mechanism, torque.bodies, name=_tendon(torque))
 
 

@@ -285,7 +285,7 @@ class _Writer:
         # A record of controls, which whoever steps the model sets.
         for k, t in enumerate(self.mechanism.instants, start=1):
             controls = self.forces.controls(root, t)
-            add(keyframe, "key", name=f"controls/{k}", time=t, ctrl=controls)
+            add(keyframe, "key", name=f"controls_{k}", time=t, ctrl=controls)
         return root
 
     def _joint_values(self, rates: Sequence[float]) -> list[float]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import pin
+from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mjcf.writer import mjcf
@@ -190,13 +192,61 @@ def test_who_follows_no_record_refuses_it_by_its_name() -> None:
         lambda: AppliedForces(Kinematics(mechanism)).power(q, u),
         lambda: solve_taylor(problem),
         lambda: solve_redundant(problem),
-        lambda: mjcf(mechanism),
         lambda: tb.prove(problem, until=0.5),
         lambda: tb.engine("pymunk").simulate(problem),
         lambda: tb.engine("exudyn").simulate(problem),
     ):
         with pytest.raises(tb.UnsupportedProblemError, match=r"motor|recorded"):
             computed()
+
+
+@pytest.mark.parametrize("preset", ["settings", "assisted"])
+@pytest.mark.parametrize("mechanism", [wheel(), cart()], ids=lambda m: m.name)
+def test_mujoco_follows_it(mechanism: tb.Mechanism, preset: str) -> None:
+    """The record is the control of an actuator; accelerations change with the steps' beginnings."""
+    engine = tb.engine("mujoco", preset, timestep=1e-3)
+    assert check_model(engine, mechanism).holds
+    found = engine.simulate(tb.Problem(mechanism, 1.5))
+    exact = solve(tb.Problem(mechanism, 1.5)).trajectory(found.t)
+    # RK4 at 1 ms: h^4 of accelerations below 1e3, and forces by masses of some kilograms.
+    assert np.abs(found.q - exact.q).max() < 1e-9
+    for joint, force in exact.joint_reactions.items():
+        assert np.abs(found.joint_reactions[joint] - force).max() < 1e-8, joint
+
+
+def test_an_instant_inside_a_step_acts_from_the_next_step_on() -> None:
+    """The angle of the wheel is late by the step's rest: at most effort / inertia * h * t."""
+    late = wheel(force_elements=(record(times=(0.0, 0.2504), torques=(0.0, 8.0)),))
+    found = tb.engine("mujoco", "settings", timestep=1e-3).simulate(tb.Problem(late, 1.0))
+    exact = solve(tb.Problem(late, 1.0)).trajectory(found.t)
+    speed = 8.0 / INERTIA * 0.0006  # what it has not gained by the beginning of the next step
+    assert exact.u[-1, 0] - found.u[-1, 0] == pytest.approx(speed, rel=1e-9)
+
+
+def test_a_comparison_judges_forces_away_from_instants() -> None:
+    (run,) = tb.compare(
+        [cart()], ["mujoco"], ["settings"], duration=1.5, isolate=False
+    ).results.runs
+    assert run.outcome == "agrees"
+    forces = [m for m in run.metrics if m.name == "joint_reaction_max"]
+    assert len(forces) == 2
+    # Three instants, and one and a half steps of 1 ms to either side
+    assert all(0 < (m.left_out or 0.0) <= 3 * 5e-3 for m in forces)
+
+
+def test_the_file_of_a_mechanism_has_its_record_as_keyframes() -> None:
+    """Whoever takes the file steps it with their controls."""
+    model = mujoco.MjModel.from_xml_string(mjcf(wheel()))
+    assert [float(model.key(k).ctrl[0]) for k in range(model.nkey)] == list(EFFORTS)
+    assert [float(model.key(k).time[0]) for k in range(model.nkey)] == list(INSTANTS)
+
+
+def test_the_program_of_a_run_steps_with_the_record() -> None:
+    problem = tb.Problem(cart(), 0.5)
+    engine = tb.engine("mujoco", "settings")
+    names: dict[str, Any] = {}
+    exec(engine.script(problem), names)
+    assert np.abs(names["q"] - engine.simulate(problem).q).max() < 1e-13
 
 
 def test_it_comes_back_from_json() -> None:
