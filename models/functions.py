@@ -260,3 +260,31 @@ class LineFunction:
 
 ScalarFunction = AngleFunction | PointFunction | LineFunction
 """A function of q that a constraint holds at zero, or at or above zero."""
+
+
+def linear_form(function: ScalarFunction) -> AngleFunction | None:
+    """The function as one that is linear in the coordinates; None if it is not.
+
+    A point's component along the line on which its body slides is linear, whether the line turns
+    or not.
+    """
+    match function:
+        case AngleFunction():
+            return function
+        case PointFunction():
+            phasors, still = function.phasors, function.coefficients
+            moved = [k for k, turns in enumerate(phasors.is_angle) if turns]
+            moved += [k for k, _ in phasors.carried]
+            constant = function.constant
+        case LineFunction():
+            phasors, along = function.phasors, function.direction.conjugate()
+            still, own = along * function.vector.coefficients, function.body
+            slides = {k for k, carrier in phasors.carried if carrier == own}
+            moved = [k for k in range(len(still)) if k not in slides and k != own]
+            constant = function.constant + still[own].real
+            still = np.where(np.arange(len(still)) == own, 0.0, still)
+            if function.vector.offset != 0:
+                return None
+    if still[moved].any():
+        return None
+    return AngleFunction(constant, np.ascontiguousarray(still.real), is_length=True)

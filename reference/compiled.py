@@ -17,7 +17,7 @@ import numpy as np
 
 from ..models.arrays import ComplexArray, FloatArray, IndexArray
 from ..models.errors import SimulationError
-from ..models.functions import AngleFunction, PointFunction, ScalarFunction
+from ..models.functions import PointFunction, ScalarFunction, linear_form
 from ..models.kinematics import Kinematics
 
 MOST_UNKNOWNS = 24
@@ -157,10 +157,10 @@ def compiled_equations(
         return None
     points, angles = np.zeros((n_c, n_q), dtype=np.complex128), np.zeros((n_c, n_q))
     for k, function in enumerate(functions):
-        if isinstance(function, AngleFunction):
-            angles[k] = function.coefficients
-        elif isinstance(function, PointFunction):
+        if isinstance(function, PointFunction):
             points[k] = function.coefficients
+        elif (linear := linear_form(function)) is not None:
+            angles[k] = linear.coefficients
         else:
             return None
     return CompiledEquations(

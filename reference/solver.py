@@ -22,7 +22,7 @@ from scipy.optimize import brentq
 
 from ..models.arrays import FloatArray
 from ..models.errors import InputError, SimulationError, UnsupportedProblemError
-from ..models.functions import AngleFunction
+from ..models.functions import linear_form
 from ..models.kinematics import initial_state
 from ..models.mechanism import Mechanism
 from ..models.problem import LONGEST, Problem, StopLaw
@@ -312,14 +312,14 @@ class EventFinder:
         linear = {
             function.stop: gap
             for function in functions
-            if function.closes and isinstance(gap := gaps[function.stop], AngleFunction)
+            if function.closes and (gap := linear_form(gaps[function.stop])) is not None
         }
         self._linear = tuple(linear)
         self._rows = np.array([gap.coefficients for gap in linear.values()]).reshape(-1, n_q)
         self._constants = np.array([gap.constant for gap in linear.values()])
 
     def _out_of_reach(self, piece: DenseOutput) -> frozenset[str]:
-        """Open stops on angles whose gaps stay positive over a whole step, whatever happens in it.
+        """Open stops whose gaps are linear and stay positive over a whole step, whatever happens.
 
         A gap that is linear in the coordinates changes by no more than the sum of the sizes of its
         polynomial's coefficients.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trebucheck as tb
 from mechanisms import everything
+from trebucheck.models.functions import linear_form
 from trebucheck.models.kinematics import initial_state
 from trebucheck.reference import compiled
 from trebucheck.reference.equations import Equations
@@ -36,6 +37,9 @@ def _with_linear_forces() -> tb.Mechanism:
             forces=(-1.3,),
         ),
         tb.RotorInertia(name="rotor", **between, inertia=0.4),
+        tb.SlideInertia(
+            name="drive", body="slider", relative_to="arm", coordinate="p", inertia=0.7
+        ),
     )  # fmt: skip
     linear = everything().model_copy(update={"force_elements": forces, "name": "linear forces"})
     return tb.Mechanism.model_validate(linear.model_dump())
@@ -110,3 +114,45 @@ def test_body_without_inertia_about_its_pin_has_one_sentence() -> None:
     mechanism = tb.Mechanism(name="m", bodies=(body,), joints=(pin,), gravity=9.81, start=(0.0,))
     with pytest.raises(tb.SimulationError, match="no unique accelerations"):
         solve(tb.Problem(mechanism, duration=1.0))
+
+
+BEAD = """
+<mujoco><compiler angle="radian" autolimits="true"/><worldbody>
+  <body name="arm"><joint name="hinge" type="hinge" axis="0 1 0"/>
+    <geom type="capsule" fromto="0 0 0 1 0 0" size=".05"/>
+    <body name="bead" pos=".3 0 .1"><joint name="rail" type="slide" axis=".8 0 .6" range="-.1 .2"/>
+      <geom size=".1"/>
+    </body>
+  </body>
+  <body name="cart" pos="0 0 3"><joint name="track" type="slide" axis=".6 0 -.8" range="-1 .3"/>
+    <geom size=".1"/>
+  </body>
+</worldbody></mujoco>
+"""
+
+
+def test_stops_along_slides_are_linear_and_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether the line turns, as the bead's, or not, as the cart's; the arm's tip has none."""
+    mechanism = tb.from_mjcf(BEAD)
+    wall = tb.PointStop(
+        name="wall", body="arm", point=(1.0, 0.0), normal=(0.0, 1.0), offset=-9.0, closed=False
+    )
+    floor = wall.model_copy(
+        update={"name": "floor", "body": "bead", "relative_to": "cart", "point": (0.0, 0.0)}
+    )
+    both = mechanism.model_copy(update={"stops": (*mechanism.stops, wall, floor)})
+    equations, random = Equations(both), np.random.default_rng(8)
+    q, u = random.uniform(-2, 2, (2, 9, 3))
+    for name, gap in equations.kinematics.gaps.items():
+        linear = linear_form(gap)
+        assert (linear is None) == (name in ("wall", "floor")), name
+        if linear is not None:
+            assert linear.value(q) == pytest.approx(gap.value(q), abs=1e-14)
+            rates = equations.kinematics.rates(q)
+            assert linear.coefficients + 0 * q == pytest.approx(gap.jacobian(q, rates), abs=1e-14)
+    closed = tuple(stop.name for stop in mechanism.stops)[:1]
+    assert equations.compiled(q[0], closed) is not None
+    quick = equations.solve(q, u, closed)
+    monkeypatch.setattr(compiled, "is_available", lambda: False)
+    for ours, numpys in zip(quick, Equations(both).solve(q, u, closed), strict=True):
+        assert ours == pytest.approx(numpys, abs=_ROUNDING * np.abs(numpys).max(initial=1.0))
