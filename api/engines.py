@@ -16,5 +16,6 @@ from ..engines.study import (
     ModelCause,
     ModelFile,
     ModelOptions,
+    ModelStart,
     ModelStates,
 )

@@ -29,6 +29,7 @@ from ..models.errors import (
     InputError,
     SimulationError,
     TrebucheckError,
+    UnsupportedProblemError,
     shortened,
 )
 from ..models.files import refuse_unwritable, write_text

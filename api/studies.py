@@ -8,6 +8,7 @@ from __future__ import annotations
 from ..comparisons.audit import Audit, audit
 from ..comparisons.compare import Comparison, compare
 from ..comparisons.data.certified import certified_dataset, content
+from ..comparisons.runs.model_files import read_model_file
 from ..comparisons.runs.process import Worker
 from ..comparisons.runs.results import Outcome, ResultFile, Run
 from ..comparisons.runs.runner import failure

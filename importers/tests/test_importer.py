@@ -369,6 +369,59 @@ def test_on_the_command_line(
     assert json.loads(capsys.readouterr().out)["format"] == "trebucheck-importer-1"
 
 
+OWN = """
+<mujoco model="own"><compiler angle="radian" autolimits="true"/>
+  <default><geom density="700"/><joint damping="0.05"/></default>
+  <worldbody><geom type="plane" size="3 3 .1" pos="0 0 -4"/>
+    <body name="cart"><joint name="track" type="slide" axis="1 0 0" range="-3 3"/>
+      <geom type="box" size=".2 .1 .1"/>
+      <body name="pole" pos="0 0 .1"><joint name="hinge" axis="0 1 0"{armature}/>
+        <geom type="capsule" fromto="0 0 0 0 0 1" size=".05"/></body></body>{more}
+  </worldbody></mujoco>
+"""
+
+
+@pytest.mark.parametrize("loader", ["right", "no_damping", "more_gravity"])
+def test_a_file_of_ones_own_is_judged(loaders: Path, tmp_path: Path, loader: str) -> None:
+    path = tmp_path / "own.xml"
+    path.write_text(OWN.format(armature=' armature="0.1"', more=""))
+    results = _checked(loaders, loader, str(path))
+    (model,) = results.models
+    verdicts = {check.quantity: check.verdict for check in model.checks}
+    asked = ["loads", "joints", "total mass", "mass matrix", "accelerations", "ranges"]
+    assert list(verdicts) == [*asked, "free motion"]
+    wrong = {"accelerations", "free motion"} if loader != "right" else set()
+    assert {quantity for quantity, verdict in verdicts.items() if verdict != "right"} == wrong
+
+
+@pytest.mark.parametrize(
+    ("more", "armature", "sentence"),
+    [
+        (None, "", "there is no file"),
+        ("<body><joint/><geom size='1'/></body>", "", "has no name"),
+        ("", ' frictionloss="1"', "nothing here could judge"),
+        ('<geom type="sphere" size="2"/>', "", "something touches"),
+        ("<nonsense/>", "", "nonsense"),
+        ("</body>", "", "own.xml"),
+        ('<body pos="0 0 .7"><joint name="j" type="ball"/><geom size=".1"/></body>', "", "ball"),
+    ],
+)
+def test_a_file_that_cannot_be_judged_is_refused(
+    loaders: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    more: str | None,
+    armature: str,
+    sentence: str,
+) -> None:
+    path = tmp_path / "own.xml"
+    if more is not None:
+        path.write_text(OWN.format(armature=armature, more=more))
+    assert main(["importer", f"{loaders}:right", "--models", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert sentence in told and "Traceback" not in told and told.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -29,7 +29,12 @@ def importer_command(
     ] = None,
     models: Annotated[
         str | None,
-        typer.Option("--models", "--model", help="Models of the zoo or machines; all by default."),
+        typer.Option(
+            "--models",
+            "--model",
+            help="Models of the zoo, machines, or paths of .xml and .urdf files; by default all of "
+            "the zoo and the machines.",
+        ),
     ] = None,
     timestep: Annotated[
         float,
@@ -63,13 +68,16 @@ def importer_command(
     the first event and after it, and the force at rest are held against certified values. A machine
     whose file is refused or misread is tried without sensors and with finite inertia too. The
     importer runs in a process of its own, which may crash. What its loader returns is described in
-    docs/importers.md; what it does not offer is not judged. The exit code is 1 if anything is
-    wrong.
+    docs/importers.md; what it does not offer is not judged. Of a file of your own the mechanism is
+    what `trebucheck audit` reads, and its motion is judged until a limit or contact acts. The exit
+    code is 1 if anything is wrong.
 
     Examples:
     trebucheck importer my_package:load --python ../other/.venv/bin/python --out findings
 
     trebucheck importer load.py:load --models hinge,armature,connect
+
+    trebucheck importer load.py:load --models acrobot.xml --python ../drake/.venv/bin/python
     """
     from trebucheck.api.mechanics import InputError, refuse_unwritable
     from trebucheck.api.studies import Store

@@ -9,10 +9,11 @@ import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from trebucheck.api.mechanics import Equations, FloatArray
+from trebucheck.api.mechanics import Equations, FloatArray, Mechanism
 from trebucheck.api.studies import size
 
 from .zoo.model import TIME_CONSTANT, FileVariant, Needs, ZooModel
@@ -150,8 +151,11 @@ class Expected:
     xml: str
     joints: tuple[str, ...]
     needs: tuple[Needs, ...]
-    total_mass: float
+    total_mass: float | None
+    """[kg]; None where some of it is fixed to the ground, which a program may leave out."""
     limits: Mapping[str, tuple[float, float]]
+    start: tuple[FloatArray, FloatArray] | None
+    """Positions and speeds of the joints in the file's keyframe; None: not judged."""
     states: Sequence[tuple[FloatArray, FloatArray]]
     mass_matrices: FloatArray
     accelerations: FloatArray
@@ -167,6 +171,8 @@ class Expected:
     """Acceleration that presses a touched limit at the end [rad/s^2 or m/s^2]; else 0."""
     variants: Mapping[str, FileVariant]
     """Other files of the same motion."""
+    path: Path | None = None
+    """Path of a file of one's own, which may name others beside it."""
 
     @classmethod
     def of(cls, model: ZooModel, data: xr.Dataset) -> Self:
@@ -184,10 +190,13 @@ class Expected:
             model.needs,
             model.total_mass,
             model.limits,
+            start=(whole.positions[0], whole.speeds[0]),
             states=states,
             mass_matrices=masses,
             accelerations=np.asarray(data["acceleration"].values, dtype=np.float64),
-            rounding=np.array([_rounding(model, q) for q, _ in states]),
+            rounding=np.array(
+                [rounding(model.mechanism, model.weights, q - model.zeros) for q, _ in states]
+            ),
             whole=whole,
             free=_motion(data.isel(time=_free(data))),
             has_events=events,
@@ -202,21 +211,26 @@ class Expected:
             yield name, replace(self, xml=variant.text, total_mass=variant.total_mass)
 
 
-def _rounding(model: ZooModel, joints: FloatArray) -> FloatArray:
+def rounding(mechanism: Mechanism, weights: FloatArray, joints: FloatArray) -> FloatArray:
     """Change of the joints' accelerations by relative position errors of 1, in loops of the file.
+
+    Args:
+        mechanism: of the file.
+        weights: W in joint values = W q + zeros, shape (n_q, n_q).
+        joints: values of the joints less those zeros, shape (n_q,).
 
     The file closes one that is open by r with the acceleration r / T^2. Joint positions that are
     off by d open it by |J| d, points of both its bodies, as large as the machine, by their own
     errors.
     """
-    if not model.mechanism.loop_joints:
+    if not mechanism.loop_joints:
         return np.zeros_like(joints)
-    equations, weights = Equations(model.mechanism), model.weights
-    q = np.asarray(np.linalg.solve(weights, joints - model.zeros), dtype=np.float64)
+    equations = Equations(mechanism)
+    q = np.asarray(np.linalg.solve(weights, joints), dtype=np.float64)
     jacobian = equations.constraint_jacobian(q, ())
     moved = np.linalg.solve(equations.mass_matrix(q), jacobian.T)
     closing = abs(weights @ moved @ np.linalg.pinv(jacobian @ moved))
-    opened = abs(jacobian) @ np.maximum(1.0, abs(q)) + 2 * max(1.0, size(model.mechanism))
+    opened = abs(jacobian) @ np.maximum(1.0, abs(q)) + 2 * max(1.0, size(mechanism))
     return closing @ opened / TIME_CONSTANT**2
 
 

@@ -33,11 +33,16 @@ def model(name: str) -> ZooModel:
 
 @cache
 def expected(name: str) -> Expected:
-    """Expected results of importing a model.
+    """Expected results of importing a model, or a file of one's own by its path.
 
     Raises:
         InputError: there is none of that name, or its data are not as they were stored.
+        TrebucheckError: no mechanism can be read from the file.
     """
+    if Path(name).suffix in (".xml", ".urdf"):
+        from .own_file import expected_of_file  # loads MuJoCo, which the zoo does not need
+
+        return expected_of_file(name)
     chosen = model(name)
     if name in models():
         return Expected.of(chosen, with_joint_values(chosen, read_dataset(content(name))))

@@ -13,6 +13,7 @@ from trebucheck.api.reports import (
     Heading,
     Listing,
     Mark,
+    Table,
     Text,
     format_number,
     row,
@@ -37,11 +38,6 @@ _REPEATED = 4000  # characters of a file that a report repeats
 def document(results: ImporterResults) -> Document:
     """A row a model, and below it expected and found of what is not right."""
     verdict = _verdict(results)
-    heads = [words("model", wrap=False), *(words(quantity) for quantity in QUANTITIES)]
-    rows = [
-        row(name, *(_cell(file.check(quantity)) for quantity in QUANTITIES))
-        for name, file in _all_files(results)
-    ]
     wrong = tuple(
         Text(
             f"{_sized(check)}.",
@@ -56,8 +52,24 @@ def document(results: ImporterResults) -> Document:
         f"{versions(results)}; {results.integrator}, {results.precision}, steps of "
         f"{results.timestep:g} s and half"
     )
-    blocks: list[Block] = [Text(f"{verdict}."), Text(about, lead="Importer:"), table(heads, rows)]
+    blocks: list[Block] = [Text(f"{verdict}."), Text(about, lead="Importer:"), _verdicts(results)]
     return Document("Importer", (*blocks, *([Listing(wrong)] if wrong else [])), verdict=verdict)
+
+
+def _verdicts(results: ImporterResults) -> Table:
+    """A row a model; of a single one a row a quantity."""
+    if len(results.models) == 1 and not results.models[0].variants:
+        (model,) = results.models
+        rows = [row(check.quantity, _cell(check)) for check in model.checks]
+        return table([words("quantity"), words(model.model, wrap=False)], rows)
+    heads = [words("model", wrap=False), *(words(quantity) for quantity in QUANTITIES)]
+    return table(
+        heads,
+        [
+            row(name, *(_cell(file.check(quantity)) for quantity in QUANTITIES))
+            for name, file in _all_files(results)
+        ],
+    )
 
 
 def page(results: ImporterResults, title: str) -> Document:
@@ -121,7 +133,8 @@ def machine_table(importers: Mapping[str, ImporterResults | None], name: str) ->
 
 def _verdict(results: ImporterResults) -> str:
     counts = ((results.count(verdict), verdict.value) for verdict in Verdict)
-    return f"{len(results.models)} models: " + ", ".join(
+    number = len(results.models)
+    return f"{number} model{'' if number == 1 else 's'}: " + ", ".join(
         f"{count} {name}" for count, name in counts if count
     )
 

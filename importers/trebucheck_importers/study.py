@@ -39,7 +39,8 @@ def check_importer(
         loader: `module:function`, or `path/to/file.py:function`; see docs/importers.md for what it
         returns.
         python: the Python that has the importer and NumPy.
-        models: names of models of the zoo or machines; all where it is empty.
+        models: names of models of the zoo or machines, and paths of files; all of the zoo and the
+            machines where it is empty.
         timestep: longest step of the coarser of the two runs of each motion [s].
         timeout: longest wait for an answer [s].
         progress: told what is checked.
@@ -93,14 +94,15 @@ class _Checked:
     def of(self, expected: Expected) -> _Kept:
         """A model."""
         made_under = self._conditions(expected)
-        kept = self.store.record(expected.name, _Kept, made_under)
+        record = Path(expected.name).stem
+        kept = self.store.record(record, _Kept, made_under)
         if kept is not None:
-            self.store.taken.add(expected.name)
+            self.store.taken.add(record)
             return kept
         result, facts = check_model(self.process, expected, self.timestep)
         kept = _Kept(result=result, facts={name: facts[name] for name in _TOLD if name in facts})
-        self.store.made.add(expected.name)
-        self.store.keep_record(expected.name, kept, made_under)
+        self.store.made.add(record)
+        self.store.keep_record(record, kept, made_under)
         return kept
 
     def _conditions(self, expected: Expected) -> str:
