@@ -36,8 +36,6 @@ from .classic_control import classic_control
 MUJOCO: Any = mujoco  # it has no types
 DATA, PAGE = "known-models.json", "known-models.md"
 UNTIL, ACCURACY = 10.0, 1e-3  # [s], [m]
-# The damping of a hand's fingers has rates of 1e5 /s, which the reference's explicit steps follow.
-SHORTER = {"manipulator": 0.5, "stacker": 0.5}  # [s]
 TIMES = (1.0, 5.0, 10.0)  # [s]
 TURNED, RAISED = 0.1, 5.0  # [rad], [m] from the position of the file
 INSIDE = 0.4  # of the range of a limited joint
@@ -163,7 +161,7 @@ def audited_file(suite: str, version: str, path: Path) -> KnownModel:
     try:
         found = audit(
             path,
-            SHORTER.get(path.stem, UNTIL),
+            UNTIL,
             accuracy=ACCURACY,
             qpos=qpos.tolist(),
             ctrl=ctrl.tolist(),
