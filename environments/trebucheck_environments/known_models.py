@@ -273,7 +273,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     models: list[KnownModel] = []
     for suite, version, folder in suites(given.dm_control, given.version):
-        for path in sorted(folder.glob("*.xml")):
+        files = sorted(folder.glob("*.xml"))
+        if not files:
+            parser.error(f"{suite}: there is no .xml file in {str(folder)!r}.")
+        for path in files:
             sys.stderr.write(f"{suite} {path.stem}\n")
             models.append(audited_file(suite, version, path))
     models += [audited_environment(*each) for each in CLASSIC]
