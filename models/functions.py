@@ -282,7 +282,7 @@ def linear_form(function: ScalarFunction) -> AngleFunction | None:
             slides = {k for k, carrier in phasors.carried if carrier == own}
             moved = [k for k in range(len(still)) if k not in slides and k != own]
             constant = function.constant + still[own].real
-            still = np.where(np.arange(len(still)) == own, 0.0, still)
+            still = np.asarray(still * (np.arange(len(still)) != own), dtype=np.complex128)
             if function.vector.offset != 0:
                 return None
     if still[moved].any():
