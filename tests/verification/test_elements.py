@@ -241,6 +241,7 @@ def test_an_engine_without_an_element_names_it() -> None:
         Feature.RECORDED_FORCE,
         Feature.RECORDED_TORQUE,
         Feature.ROTOR_INERTIA,
+        Feature.SLIDE_INERTIA,
         Feature.SLIDE_SPRING,
         Feature.TRANSLATION,
     }
