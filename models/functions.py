@@ -25,6 +25,7 @@ from operator import mul
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arrays import ComplexArray, FloatArray
 
@@ -179,6 +180,10 @@ class AngleFunction:
     def jacobian(self, q: FloatArray, rates: ComplexArray) -> FloatArray:
         """Shape (n_q,): the same in every state."""
         return self.coefficients
+
+    def outer(self, size: ArrayLike) -> FloatArray:
+        """A number, shape (...,), times the gradient's product with itself, (..., n_q, n_q)."""
+        return np.asarray(size)[..., None, None] * np.outer(self.coefficients, self.coefficients)
 
     def bias(self, q: FloatArray, u: FloatArray, curvature: ComplexArray) -> FloatArray:
         """d/dt(Jacobian) u: 0."""

@@ -181,16 +181,16 @@ def refuse_infinite(what: str, *values: FloatArray) -> None:
 
 # As in SciPy's RungeKutta: of the step that the error estimate promises, least and greatest change
 # of a step.
-_SAFETY, _LEAST_FACTOR, GREATEST_FACTOR = 0.9, 0.2, 10.0
+_SAFETY, _LEAST_FACTOR, _GREATEST_FACTOR = 0.9, 0.2, 10.0
 _EXPONENT = -1.0 / 8.0  # of the error, whose estimate is of seventh order
 
 
 def step_factor(error: float) -> float:
     """Ratio of the next step to one with an error in parts of the tolerance."""
     if error == 0:
-        return GREATEST_FACTOR
+        return _GREATEST_FACTOR
     # An error that is no number asks for the shortest step.
-    return float(min(GREATEST_FACTOR, np.fmax(_LEAST_FACTOR, _SAFETY * error**_EXPONENT)))
+    return float(min(_GREATEST_FACTOR, np.fmax(_LEAST_FACTOR, _SAFETY * error**_EXPONENT)))
 
 
 class CompiledIntegrator(Integrator):

@@ -104,14 +104,24 @@ class Steps:
         compiled = self._equations.compiled(y[: self._n_q], self._closed)
         if compiled is not None:
             return CompiledIntegrator(compiled, t, y, *self._bounds, self._longest)
-        return Integrator(self._rates, t, y, *self._bounds, self._longest)
+        return Integrator(_rates_by(self._accelerations), t, y, *self._bounds, self._longest)
 
     def _accelerations(self, q: FloatArray, u: FloatArray) -> FloatArray:
         return self._equations.solve(q, u, self._closed)[0]
 
-    def _rates(self, _: float, y: FloatArray) -> FloatArray:
-        q, u = y[: self._n_q], y[self._n_q :]
-        return np.concatenate([u, self._accelerations(q, u)])
+
+Accelerations = Callable[[FloatArray, FloatArray], FloatArray]
+"""Accelerations of states (q, u), each of shape (..., n_q)."""
+
+
+def _rates_by(accelerations: Accelerations) -> Callable[[float, FloatArray], FloatArray]:
+    """Time derivative of a state (q, u), shape (2 n_q,)."""
+
+    def rates(_: float, y: FloatArray) -> FloatArray:
+        q, u = np.split(y, 2)
+        return np.concatenate([u, accelerations(q, u)])
+
+    return rates
 
 
 def longest_step(equations: Equations, q: FloatArray, closed: Sequence[str]) -> float:
@@ -143,7 +153,7 @@ class RadauIntegrator(Integrator):
     """Integrator of stiff motions.
 
     Args:
-        accelerations: of states (q, u), each of shape (n, n_q).
+        accelerations: of states (q, u), each of shape (..., n_q).
         start, end: [s].
         y: state (q, u) at the start, shape (2 n_q,).
         tolerance: relative and absolute local error bounds.
@@ -153,7 +163,7 @@ class RadauIntegrator(Integrator):
 
     def __init__(
         self,
-        accelerations: Callable[[FloatArray, FloatArray], FloatArray],
+        accelerations: Accelerations,
         start: float,
         y: FloatArray,
         end: float,
@@ -163,12 +173,7 @@ class RadauIntegrator(Integrator):
     ) -> None:
         self._accelerations, self._n_q = accelerations, len(y) // 2
         self._last: Interpolant | None = None
-
-        def rates(_: float, y: FloatArray) -> FloatArray:
-            q, u = np.split(y, 2)
-            return np.concatenate([u, accelerations(q[None], u[None])[0]])
-
-        super().__init__(rates, start, y, end, tolerance, limit, longest)
+        super().__init__(_rates_by(accelerations), start, y, end, tolerance, limit, longest)
 
     def _step_impl(self) -> tuple[bool, str | None]:
         """One step, as short as its error and the convergence of its stages ask for."""

@@ -20,7 +20,7 @@ from .. import study
 from ..events import ContactEvents, note_own_releases, whole_steps
 from ..protocol import Recording
 from ..reading import timed_reading
-from .build import compiled, controls_of, start_data, stop_constraints
+from .build import compiled, controls_of, recorded_actuators, start_data, stop_constraints
 from .compat import mujoco
 from .motion import STATE, raised_warnings, rollout
 from .options import MujocoOptions, scaled_solref
@@ -54,7 +54,8 @@ def run_alone(problem: Problem, options: MujocoOptions) -> Recording:
     before = np.empty(mujoco.mj_stateSize(model, STATE))
     mujoco.mj_getState(model, data, before, STATE)
     times = options.timestep * np.arange(steps + 1, dtype=np.float64)
-    controls = controls_of(mechanism, model, times, options.timestep)
+    records = recorded_actuators(mechanism, model)
+    controls = controls_of(records, model, times, options.timestep)
     with raised_warnings():
         # Its sensors are those before each step.
         held = None if controls is None else controls[None, :-1]
@@ -110,9 +111,9 @@ def script(problem: Problem, options: MujocoOptions) -> str:
     """The run of :func:`run_alone` as a program of its own."""
     mechanism = problem.mechanism
     text = model_text(mechanism, options)
-    sums = absolute_from_relative(mechanism, compiled(mechanism, text))
-    instants = np.array([0.0, *mechanism.instants])
-    controls = controls_of(mechanism, compiled(mechanism, text), instants, options.timestep)
+    model, instants = compiled(mechanism, text), np.array([0.0, *mechanism.instants])
+    sums = absolute_from_relative(mechanism, model)
+    controls = controls_of(recorded_actuators(mechanism, model), model, instants, options.timestep)
     return study.filled_template(
         __name__,
         "alone.py.j2",

@@ -302,14 +302,22 @@ def correction_of(
     )
 
 
-def controls_of(mechanism: Mechanism, model: Any, t: FloatArray, step: float) -> FloatArray | None:
+def recorded_actuators(mechanism: Mechanism, model: Any) -> dict[int, RecordedEffort]:
+    """Records of efforts by the numbers of the actuators whose controls they are."""
+    names = mjcf_names(mechanism)
+    records = (e for e in mechanism.force_elements if isinstance(e, RecordedEffort))
+    return {int(model.actuator(names[record.name]).id): record for record in records}
+
+
+def controls_of(
+    records: Mapping[int, RecordedEffort], model: Any, t: FloatArray, step: float
+) -> FloatArray | None:
     """Controls of a model in steps [s] from times (n,) [s], shape (n, nu); None without records."""
-    records = [e for e in mechanism.force_elements if isinstance(e, RecordedEffort)]
     if not records:
         return None
-    controls, names = np.zeros((len(t), int(model.nu))), mjcf_names(mechanism)
-    for record in records:
-        controls[:, model.actuator(names[record.name]).id] = record.during(t, step)
+    controls = np.zeros((len(t), int(model.nu)))
+    for actuator, record in records.items():
+        controls[:, actuator] = record.during(t, step)
     return controls
 
 

@@ -39,6 +39,7 @@ from .build import (
     correction_of,
     load,
     preload,
+    recorded_actuators,
     slot_contacts,
     start_data,
     stop_constraints,
@@ -108,6 +109,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
         self.constraints = stop_constraints(self.mechanism, self.model)
         self.correction = correction_of(self.mechanism, self.model, options)
         self.sums = absolute_from_relative(self.mechanism, self.model)
+        self.records = recorded_actuators(self.mechanism, self.model)
         self.columns: dict[str, int] = {}
         """Each stop's column among the sensors."""
         names = mjcf_names(self.mechanism)
@@ -168,7 +170,7 @@ class MujocoMotion(SteppedMotion[FloatArray]):
 
     def _controls(self, t: FloatArray) -> FloatArray | None:
         """Controls of the steps that begin at times (n,) [s], shape (n, nu)."""
-        return controls_of(self.mechanism, self.model, t, self.timestep)
+        return controls_of(self.records, self.model, t, self.timestep)
 
     def _set_controls(self) -> None:
         """Let the controls of the present time act."""

@@ -449,8 +449,14 @@ class LinearElement(TwoBodyForceElement):
     def body_forces(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
+        return self.along_slide(geometry, q, self.effort(direction, q, u))
+
+    def along_slide(
+        self, geometry: Geometry, q: FloatArray, effort: FloatArray
+    ) -> Iterator[tuple[str, ComplexArray]]:
+        """A force along the slide on the body, the opposite on the other one; none of an angle."""
         if self.slide is not None:
-            force = self.effort(direction, q, u) * geometry.slide_axis(self.slide, q)
+            force = effort * geometry.slide_axis(self.slide, q)
             yield self.body, force
             yield self.relative_to, -force
 

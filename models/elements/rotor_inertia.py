@@ -37,5 +37,4 @@ class RotorInertia(TorqueElement):
 
     def mass_matrix(self, geometry: Geometry) -> FloatArray:
         """J g g^T with the gradient g of the angle [kg m^2], shape (..., n_q, n_q)."""
-        row = self.direction(geometry).coefficients
-        return np.asarray(self.inertia)[..., None, None] * np.outer(row, row)
+        return self.direction(geometry).outer(self.inertia)

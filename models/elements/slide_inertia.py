@@ -44,12 +44,8 @@ class SlideInertia(LinearElement):
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray, a: FloatArray
     ) -> Iterator[tuple[str, ComplexArray]]:
         """Force -J dv/dt along the slide on the body, the opposite on the other one [N]."""
-        rate = a @ direction.coefficients
-        force = -self.inertia * rate * geometry.slide_axis(self.coordinate, q)
-        yield self.body, force
-        yield self.relative_to, -force
+        return self.along_slide(geometry, q, -self.inertia * (a @ direction.coefficients))
 
     def mass_matrix(self, geometry: Geometry) -> FloatArray:
         """J g g^T with the gradient g of the slide [kg], shape (..., n_q, n_q)."""
-        row = self.direction(geometry).coefficients
-        return np.asarray(self.inertia)[..., None, None] * np.outer(row, row)
+        return self.direction(geometry).outer(self.inertia)

@@ -142,7 +142,7 @@ def test_a_turning_rod_loses_speed_as_its_pins_force_points_where_the_pin_will_b
 
 
 def test_a_hanging_pin_gives_way_less_with_shorter_steps() -> None:
-    """All iterations of a step, each with a part of the gap, carry the weight; warming adds to
+    """Iterations of a step, each with a part of the gap, carry the weight; warming adds to
     them. The gap is of first order, and what the formula leaves out of the order after."""
     errors = list[float]()
     for step in (1e-4, 5e-5):
