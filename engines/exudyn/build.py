@@ -12,9 +12,11 @@ mechanism's angles have the opposite sign. Recorded quantities are the outputs o
 from __future__ import annotations
 
 import cmath
+from bisect import bisect_left
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,7 @@ from .solver import DEPENDENT, LoopConstraints
 
 items: Any = itemInterface  # it has no types
 
+_SUMMED = 1e-9  # [s] Exudyn's times are sums of steps: more than their rounding, less than a step
 _AWAY = 0.1  # [rad, m] of positions beside the start, which may itself be singular
 _WELL_HELD = 1e-3  # of the largest singular value: the least one of the conditions that are left
 _FOLLOWS = 1e-9  # of a row: what others leave of it
@@ -202,20 +205,47 @@ class _CubicTorque:
         )
 
 
+@dataclass(frozen=True)
+class _Held:
+    """Effort of a record in the step that ends at a time, as a user function.
+
+    Its repr is the Python text of it.
+    """
+
+    times: tuple[float, ...]
+    """Ends of steps after which the next effort acts [s]."""
+    efforts: tuple[Any, ...]
+    """Forces [N], or vectors of torques [N m]."""
+
+    def __call__(self, _main: Any, time: float, *_state: Any) -> Any:
+        return self.efforts[bisect_left(self.times, time)]
+
+    def __repr__(self) -> str:
+        return f"lambda mbs, t, *_: {self.efforts!r}[np.searchsorted({self.times!r}, t)]"
+
+
 class Builder:
     """Builds a system: bodies, joints and force elements at once, then stops and sensors.
 
     Args:
         mechanism: what to build.
         springs: of the stops that act, if they are springs.
+        alone: whether Exudyn follows records of efforts by itself; otherwise it has their values at
+            the start until :meth:`.read.System.set_efforts` gives it others.
     """
 
-    def __init__(self, mechanism: Mechanism, springs: Mapping[str, Spring] | None = None) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        springs: Mapping[str, Spring] | None = None,
+        *,
+        alone: bool = False,
+    ) -> None:
         container, left_out = exu.SystemContainer(), implied_angles(mechanism)
         start, _ = initial_state(mechanism)
         rows = _loop_rows(Kinematics(mechanism), start, left_out)
         redundant = len(rows) > 0 and int(np.linalg.matrix_rank(rows, rtol=DEPENDENT)) < len(rows)
-        self.mechanism, self.main = mechanism, container.AddSystem()
+        self.mechanism, self.main, self.alone = mechanism, container.AddSystem(), alone
         self.system = System(
             mechanism,
             container,
@@ -382,12 +412,33 @@ class Builder:
 
     def add_torque(self, element: elements.ConstantTorque) -> None:
         """Add the loads of a constant torque on its two bodies; Exudyn's are anticlockwise."""
-        for body, sense in zip(element.bodies, (1, -1), strict=True):
-            load = items.LoadTorqueVector(
-                markerNumber=self.frame(body, (0.0, 0.0)),
-                loadVector=[0.0, 0.0, -sense * element.torque],
-            )
-            self.add(load)
+        for body, torque in zip(element.bodies, _couple(element.torque), strict=True):
+            marker = self.frame(body, (0.0, 0.0))
+            self.add(items.LoadTorqueVector(markerNumber=marker, loadVector=torque))
+
+    def add_recorded_torque(self, record: elements.RecordedTorque) -> None:
+        """Add the loads of a recorded torque on its two bodies."""
+        couples = zip(*map(_couple, record.efforts), strict=True)
+        for body, torques in zip(record.bodies, couples, strict=True):
+            marker = self.frame(body, (0.0, 0.0))
+            load = items.LoadTorqueVector(markerNumber=marker, loadVector=torques[0])
+            load.loadVectorUserFunction = self._user_function(record, torques)
+            setter = partial(self.main.SetLoadParameter, self.add(load), "loadVector")
+            self.system.records.append((record, torques, setter))
+
+    def add_recorded_force(self, record: elements.RecordedForce) -> None:
+        """Add a recorded force along a joint's line."""
+        forces = tuple(-force for force in record.efforts)
+        item = self._along_slide(record.coordinate, force=forces[0])
+        item.springForceUserFunction = self._user_function(record, forces)
+        setter = partial(self.main.SetObjectParameter, self.add(item), "force")
+        self.system.records.append((record, forces, setter))
+
+    def _user_function(self, record: elements.RecordedEffort, efforts: tuple[Any, ...]) -> Any:
+        """Efforts as a function of the time; Exudyn's 0 where there is none."""
+        if not self.alone or not record.instants:
+            return 0
+        return _Held(tuple(instant + _SUMMED for instant in record.instants), efforts)
 
     def add_point_spring(self, spring: elements.SpringDamper) -> None:
         """Add a spring between points; without rest length and damping they may meet."""
@@ -408,20 +459,27 @@ class Builder:
 
     def add_slide_spring(self, spring: elements.SlideSpringDamper) -> None:
         """Add a spring, damper and force along a joint's line, on which the child's point is."""
-        slide = self.mechanism.slide(spring.coordinate)
-        joint, along = slide.joint, slide.direction
-        line = self.frame(joint.parent, joint.parent_point)
-        item = items.ObjectConnectorLinearSpringDamper(
-            markerNumbers=[line, self.frame(joint.child, joint.child_point)],
-            axisMarker0=[along.real, along.imag, 0.0],
+        item = self._along_slide(
+            spring.coordinate,
             stiffness=spring.stiffness,
             damping=spring.damping,
             offset=spring.rest_position,
             force=-spring.force,
         )
         self.connect(item, "spring", spring.name)
-        rest = spring.rest_position
+        slide, rest = self.mechanism.slide(spring.coordinate), spring.rest_position
         self.system.stretches[spring.name] = lambda values: sliding(slide, values) - rest
+
+    def _along_slide(self, coordinate: str, **law: float) -> Any:
+        """A connector along the line of a slide coordinate."""
+        slide = self.mechanism.slide(coordinate)
+        joint, along = slide.joint, slide.direction
+        line = self.frame(joint.parent, joint.parent_point)
+        return items.ObjectConnectorLinearSpringDamper(
+            markerNumbers=[line, self.frame(joint.child, joint.child_point)],
+            axisMarker0=[along.real, along.imag, 0.0],
+            **law,
+        )
 
     def add_rotational_spring(self, spring: elements.RotationalSpringDamper) -> None:
         """Add a spring between two rotations: full turns count."""
@@ -515,6 +573,11 @@ class Builder:
         self.system.constraints[name] = constraint
 
 
+def _couple(torque: float) -> tuple[list[float], list[float]]:
+    """Exudyn's vectors, anticlockwise, of a clockwise torque on a body and its opposite [N m]."""
+    return [0.0, 0.0, -torque], [0.0, 0.0, torque]
+
+
 def _spring_fields(spring: Spring, sense: int, markers: list[int]) -> dict[str, Any]:
     """Parameters of a connector whose torque grows as the gap closes."""
     return {
@@ -544,11 +607,11 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.ConstantTorque: Builder.add_torque,
         elements.SlideSpringDamper: Builder.add_slide_spring,
         elements.Coupler: Builder.add_coupler,
+        elements.RecordedForce: Builder.add_recorded_force,
+        elements.RecordedTorque: Builder.add_recorded_torque,
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",
         elements.SlideInertia: "our adapter adds no inertia between two bodies",
-        elements.RecordedForce: "our adapter follows no record of efforts",
-        elements.RecordedTorque: "our adapter follows no record of efforts",
     },
 )

@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import Coupler, CubicTorsionSpring, SlideSpringDamper, TranslationJoint
+from ...models.elements import (
+    Coupler,
+    CubicTorsionSpring,
+    RecordedForce,
+    RecordedTorque,
+    SlideSpringDamper,
+    TranslationJoint,
+)
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -20,6 +27,8 @@ from .study import STUDY
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     Coupler,
     CubicTorsionSpring,
+    RecordedForce,
+    RecordedTorque,
     SlideSpringDamper,
     TranslationJoint,
 }

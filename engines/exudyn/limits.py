@@ -80,7 +80,7 @@ def build_with_limits(mechanism: Mechanism, law: StopLaw, period: float) -> Syst
         UnsupportedProblemError: an element is refused, or a stop is on a point of the body that it
             stands on.
     """
-    builder = Builder(mechanism)
+    builder = Builder(mechanism, alone=True)
     for stop in mechanism.stops:
         restitution = stop.restitution if law is StopLaw.UNILATERAL else 0.0
         LIMITS[stop](builder, stop, _spring(mechanism, stop, period, restitution))

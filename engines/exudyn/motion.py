@@ -100,6 +100,8 @@ class ExudynMotion:
         self.now = self.solver.start()
         self.held: Contacts = ()
         self.tables: list[FloatArray] = []
+        self._changes = [t for t in problem.mechanism.instants if t < problem.duration]
+        """Instants ahead at which recorded efforts change [s]."""
         self._contact = initial_state(problem.mechanism)
         """Coordinates and speeds where gaps are measured."""
         self._impacts: list[float] = []
@@ -127,12 +129,27 @@ class ExudynMotion:
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
         """Move to the next release, under the unilateral law or impact, or to the end."""
-        if self.tables and is_at(self.now.t, end):
-            return Halt(end)
         with self._explained():
-            if self.unilateral or self.options.locate_releases:
-                return self._to_next_event(end, watch.open)
-            return self._release_after_steps(end)
+            while not (self.tables and is_at(self.now.t, end)):
+                if opened := self._change_efforts():
+                    return Halt(self.now.t, dict.fromkeys(opened, self.now.t))
+                halt = self._to_event(min([end, *self._changes[:1]]), watch)
+                if halt.opened or halt.met is not None:
+                    return halt
+        return Halt(end)
+
+    def _to_event(self, end: float, watch: Watch) -> Halt:
+        if self.unilateral or self.options.locate_releases:
+            return self._to_next_event(end, watch.open)
+        return self._release_after_steps(end)
+
+    def _change_efforts(self) -> Contacts:
+        """Let other efforts act if they change now; the held stops that open, as they would pull."""
+        if not self._changes or not is_at(self.now.t, self._changes[0]):
+            return ()
+        self.system.set_efforts(self._changes.pop(0))
+        before, self.held = self.held, self._pushing(self.held)
+        return tuple(name for name in before if name not in self.held)
 
     @contextmanager
     def _explained(self) -> Generator[None]:

@@ -7,6 +7,7 @@ and forces of stops follow from their connectors (:class:`AngleLimit`, :class:`L
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeVar
@@ -273,6 +274,10 @@ class System:
         default_factory=dict[str, "Callable[[Values], FloatArray]"]
     )
     """Stretch of each spring of the mechanism by the sensors [m, rad], shape (n,)."""
+    records: list[tuple[elements.RecordedEffort, tuple[Any, ...], Callable[[Any], None]]] = field(
+        default_factory=list[Any]
+    )
+    """Records of efforts, each effort as Exudyn has it, and what gives it to the system."""
     sensors: dict[SensorKey, int] = field(default_factory=dict[SensorKey, int])
     left_out: frozenset[str] = frozenset()
     """Loop joints whose held angle is not built, because it follows from the other conditions."""
@@ -316,6 +321,11 @@ class System:
         """Make exactly these stops act."""
         for name, number in self.stops.items():
             self.main.SetObjectParameter(number, "activeConnector", name in active)
+
+    def set_efforts(self, time: float) -> None:
+        """Give the system the efforts that act from a time [s]."""
+        for record, efforts, give in self.records:
+            give(efforts[bisect_right(record.instants, time)])
 
     def output(self, connector: int, variable: str) -> FloatArray:
         """An output variable of a connector at the current state."""

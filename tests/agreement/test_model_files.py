@@ -602,7 +602,8 @@ def test_an_audit_replays_controls(tmp_path: Path) -> None:
     recorded().save(tmp_path / "controls.npz")
     found = tb.audit(ARM, 0.5, ctrl=tmp_path / "controls.npz", engines=("exudyn",))
     assert found.given.error is not None and found.given.error < 1e-4
-    assert found.engines[0].message and "recorded" in found.engines[0].message
+    (other,) = found.engines  # late by half a step of 0.1 ms, at some 1 m/s
+    assert other.error is not None and other.error < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import pin
+from records import EFFORTS, INERTIA, INSTANTS, cart, push, record, wheel
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.kinematics import Kinematics
@@ -17,56 +17,7 @@ from trebucheck.reference.certification.redundant import solve_redundant
 from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.solve import solve_taylor
 
-MASS, INERTIA, GRAVITY = 2.5, 0.4, 9.81
-INSTANTS, EFFORTS = (0.0, 0.25, 0.4, 1.1), (3.0, -7.0, 0.0, 2.0)
 TIMES = np.linspace(0.0, 1.5, 61)
-
-
-def record(**changes: Any) -> tb.RecordedTorque:
-    """A torque on the wheel."""
-    fields: dict[str, Any] = {"name": "motor", "body": "wheel", "times": INSTANTS}
-    return tb.RecordedTorque(**(fields | {"torques": EFFORTS} | changes))
-
-
-def push(**changes: Any) -> tb.RecordedForce:
-    """A force on the cart."""
-    fields: dict[str, Any] = {"name": "motor", "body": "cart", "coordinate": "s"}
-    return tb.RecordedForce(**(fields | {"times": INSTANTS, "forces": EFFORTS} | changes))
-
-
-def wheel(**changes: Any) -> tb.Mechanism:
-    """A balanced wheel on a pin."""
-    fields: dict[str, Any] = {
-        "name": "wheel",
-        "bodies": (tb.Body(name="wheel", angle="a", mass=MASS, centre=(0, 0), inertia=INERTIA),),
-        "joints": (pin("hinge", "ground", "wheel", (0.0, 0.0)),),
-        "force_elements": (record(),),
-        "gravity": GRAVITY,
-        "start": (0.3,),
-        "start_speeds": (0.5,),
-    }
-    return tb.Mechanism(**(fields | changes))
-
-
-def cart() -> tb.Mechanism:
-    """A cart on a rail, with a rod that hangs from it."""
-    return tb.Mechanism(
-        name="cart",
-        bodies=(
-            tb.Body(name="cart", mass=MASS, centre=(0, 0), inertia=0.1),
-            tb.Body(name="rod", angle="b", mass=1.0, centre=(0.0, -0.5), inertia=0.08),
-        ),
-        joints=(
-            tb.PrismaticJoint(
-                name="rail", child="cart", parent_point=(0, 0), child_point=(0, 0), axis=(1, 0),
-                coordinate="s",
-            ),
-            pin("hinge", "cart", "rod", (0.0, 0.0)),
-        ),
-        force_elements=(push(), record(name="hip", body="rod")),
-        gravity=GRAVITY,
-        start=(0.4, 0.1),
-    )  # fmt: skip
 
 
 def summed(times: np.ndarray[Any, Any], order: int) -> np.ndarray[Any, Any]:
@@ -194,7 +145,6 @@ def test_who_follows_no_record_refuses_it_by_its_name() -> None:
         lambda: solve_redundant(problem),
         lambda: tb.prove(problem, until=0.5),
         lambda: tb.engine("pymunk").simulate(problem),
-        lambda: tb.engine("exudyn").simulate(problem),
     ):
         with pytest.raises(tb.UnsupportedProblemError, match=r"motor|recorded"):
             computed()
