@@ -144,7 +144,7 @@ class ExudynMotion:
         return self._release_after_steps(end)
 
     def _change_efforts(self) -> Contacts:
-        """Let other efforts act if they change now; the held stops that open, as they would pull."""
+        """Let other efforts act if they change now; held stops that would pull open."""
         if not self._changes or not is_at(self.now.t, self._changes[0]):
             return ()
         self.system.set_efforts(self._changes.pop(0))
