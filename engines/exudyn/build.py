@@ -470,6 +470,16 @@ class Builder:
         slide, rest = self.mechanism.slide(spring.coordinate), spring.rest_position
         self.system.stretches[spring.name] = lambda values: sliding(slide, values) - rest
 
+    def add_rotor(self, rotor: elements.RotorInertia) -> None:
+        """Add the inertia of a relative rotation to the equations of its bodies' nodes."""
+        senses = dict(zip(rotor.bodies, (1.0, -1.0), strict=True))
+        senses.pop(GROUND, None)
+        nodes = [self.system.nodes[body] for body in senses]
+        direction = np.kron(list(senses.values()), [0.0, 0.0, 1.0])
+        mass = rotor.inertia * np.outer(direction, direction) + 0.0  # no zeros with a sign
+        self.add(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass))
+        self.system.rotors.append(rotor)
+
     def _along_slide(self, coordinate: str, **law: float) -> Any:
         """A connector along the line of a slide coordinate."""
         slide = self.mechanism.slide(coordinate)
@@ -609,9 +619,9 @@ BUILDERS: ElementTable[Callable[[Builder, Any], None]] = ElementTable(
         elements.Coupler: Builder.add_coupler,
         elements.RecordedForce: Builder.add_recorded_force,
         elements.RecordedTorque: Builder.add_recorded_torque,
+        elements.RotorInertia: Builder.add_rotor,
     },
     {
-        elements.RotorInertia: "our adapter adds no inertia between two bodies",
-        elements.SlideInertia: "our adapter adds no inertia between two bodies",
+        elements.SlideInertia: "our adapter adds no inertia along slides",
     },
 )

@@ -10,6 +10,7 @@ from ...models.elements import (
     CubicTorsionSpring,
     RecordedForce,
     RecordedTorque,
+    RotorInertia,
     SlideSpringDamper,
     TranslationJoint,
 )
@@ -29,6 +30,7 @@ BUILT: frozenset[type] = COVERED_BY_FEATURES | {
     CubicTorsionSpring,
     RecordedForce,
     RecordedTorque,
+    RotorInertia,
     SlideSpringDamper,
     TranslationJoint,
 }

@@ -274,6 +274,7 @@ class System:
         default_factory=dict[str, "Callable[[Values], FloatArray]"]
     )
     """Stretch of each spring of the mechanism by the sensors [m, rad], shape (n,)."""
+    rotors: list[elements.RotorInertia] = field(default_factory=list[elements.RotorInertia])
     records: list[tuple[elements.RecordedEffort, tuple[Any, ...], Callable[[Any], None]]] = field(
         default_factory=list[Any]
     )
@@ -376,6 +377,12 @@ ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
 """Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""
 
 
+def _rotor_energy(rotor: elements.RotorInertia, values: Values) -> FloatArray:
+    """Kinetic energy of a rotor [J], shape (n,)."""
+    spin, other = (rotation(body, values, "Coordinates_t") for body in rotor.bodies)
+    return 0.5 * rotor.inertia * (spin - other) ** 2
+
+
 def coordinates(mechanism: Mechanism, values: Values, *, speeds: bool = False) -> FloatArray:
     """Coordinates q, or speeds u, by sensors, shape (n, n_q)."""
     quantity = "Coordinates_t" if speeds else "CoordinatesTotal"
@@ -452,6 +459,7 @@ def recording(
         markers[marker.name] = PointMotion(position, plane("marker", marker.name, "Velocity"))
 
     kinetic = [values(("body", body.name, "KineticEnergy"))[:, 0] for body in mechanism.bodies]
+    kinetic += [_rotor_energy(rotor, values) for rotor in system.rotors]
     # Exudyn has no sensor of the potential energy.
     places = [plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
     heights = np.array(places) @ -np.array(mechanism.gravity_direction)

@@ -129,10 +129,43 @@ def test_a_rotor_over_several_hinges_is_refused_by_name() -> None:
         mjcf(over_two, 1e-3)
 
 
-@pytest.mark.parametrize("engine", ["pymunk", "exudyn"])
-def test_engines_without_it_refuse_it_by_name(engine: str) -> None:
+@pytest.mark.parametrize("preset", ["default", "settings", "assisted"])
+@pytest.mark.parametrize(
+    "mechanism",
+    [geared(), chain(force_elements=(rotor("lower"),), start_speeds=(0.5, -2.0))],
+    ids=["geared", "over two hinges"],
+)
+def test_exudyn_adds_it_to_the_equations_of_its_nodes(mechanism: tb.Mechanism, preset: str) -> None:
+    problem = tb.Problem(mechanism, duration=1.0)
+
+    def errors(step: float) -> list[float]:
+        engine = tb.engine("exudyn", preset, timestep=step)
+        assert check_model(engine, mechanism).holds
+        run = engine.simulate(problem)
+        exact = solve(problem).trajectory(run.t)
+        forces = (
+            np.abs(run.joint_reactions[joint] - force).max()
+            for joint, force in exact.joint_reactions.items()
+        )
+        energy = np.abs(run.kinetic_energy - exact.kinetic_energy).max()
+        return [float(np.abs(run.q - exact.q).max()), float(energy), max(map(float, forces))]
+
+    # All rules are of second order; by itself Exudyn keeps an alternating error in its forces.
+    compared = 3 if preset == "assisted" else 2
+    for coarse, fine in zip(*(errors(step)[:compared] for step in (2e-3, 1e-3)), strict=True):
+        assert coarse / fine == pytest.approx(4, rel=0.2)
+
+
+def test_exudyn_s_program_has_it() -> None:
+    engine, problem = tb.engine("exudyn", "settings"), tb.Problem(geared(), duration=0.1)
+    names: dict[str, Any] = {}
+    exec(engine.script(problem), names)
+    assert np.abs(names["q"] - engine.simulate(problem).q).max() < 1e-13
+
+
+def test_an_engine_without_it_refuses_it_by_name() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="rotor of upper"):
-        tb.engine(engine).simulate(tb.Problem(geared(), duration=0.1))
+        tb.engine("pymunk").simulate(tb.Problem(geared(), duration=0.1))
 
 
 def test_a_negative_inertia_is_refused() -> None:
