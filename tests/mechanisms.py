@@ -74,7 +74,7 @@ def pin(name: str, parent: str, child: str, at: Vector = (0, 0), on: Vector = (0
     return PinJoint(name=name, parent=parent, child=child, parent_point=at, child_point=on)
 
 
-def geared() -> Mechanism:
+def geared(rail_on: str = "second") -> Mechanism:
     """A double pendulum whose second rod is geared to the first, and a slider that both push."""
     return Mechanism(
         name="geared",
@@ -87,7 +87,7 @@ def geared() -> Mechanism:
             pin("axle", GROUND, "first"),
             pin("elbow", "first", "second", (1.0, 0.0)),
             PrismaticJoint(
-                name="rail", parent="second", child="slider", parent_point=(0.0, 1.0),
+                name="rail", parent=rail_on, child="slider", parent_point=(0.0, 1.0),
                 child_point=(0.0, 0.0), axis=(0.6, 0.8), coordinate="s",
             ),
         ),

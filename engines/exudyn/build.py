@@ -522,26 +522,44 @@ class Builder:
     # Couplers.
 
     def add_coupler(self, coupler: elements.Coupler) -> None:
-        """Add a constraint between two rotations, or of one."""
-        turning = {body.angle: body.name for body in self.mechanism.bodies}
-        if len(coupler.terms) > 1 or any(name not in turning for name in coupler.coordinates):
-            raise UnsupportedProblemError(
-                f"our adapter couples two angles for Exudyn; {coupler.name!r} couples "
-                f"{', '.join(coupler.coordinates)}."
-            )
-        follows = turning[coupler.coordinate]
-        followed, ratio = GROUND, 1.0  # it is held
-        for term in coupler.terms:
-            followed, ratio = turning[term.coordinate], term.ratio
-        # Coordinates count from the reference, at which the start fulfils it. Both angles are the
-        # other way round, which leaves the ratio as it is.
-        self.add(
-            items.ObjectConnectorCoordinate(
-                name=f"coupler {coupler.name}",
-                markerNumbers=self.rotations(follows, followed),
-                factor1=ratio,
-            )
+        """Add a constraint of the coordinates of bodies, which the start fulfils."""
+        rows = dict[str, FloatArray]()
+        for name, weight in coupler.weights.items():
+            body, row = self._of_a_body(name, coupler)
+            rows[body] = rows.get(body, 0.0) + weight * row
+        nodes, row = [self.system.nodes[body] for body in rows], np.concatenate([*rows.values()])
+        places = [self.main.GetNode(node)["referenceCoordinates"] for node in nodes]
+        # An object without mass or stiffness stands for all coordinates of its nodes.
+        body = self.add(items.ObjectGenericODE2(nodeNumbers=nodes))
+        item = items.ObjectConnectorCoordinateVector(
+            name=f"coupler {coupler.name}",
+            markerNumbers=[
+                self.add(items.MarkerNodeCoordinates(nodeNumber=self.system.nodes[GROUND])),
+                self.add(items.MarkerObjectODE2Coordinates(objectNumber=body)),
+            ],
+            scalingMarker1=row[None],
+            offset=[float(row @ np.concatenate(places))],
         )
+        self.add(item)
+
+    def _of_a_body(self, coordinate: str, coupler: elements.Coupler) -> tuple[str, FloatArray]:
+        """Body whose x, y and rotation tell a coordinate, and the coordinate's derivatives by them.
+
+        Raises:
+            UnsupportedProblemError: it is a slide, and not linear in them.
+        """
+        for body in self.mechanism.bodies:
+            if body.angle == coordinate:
+                return body.name, np.array([0.0, 0.0, -1.0])
+        slide = self.mechanism.slide(coordinate)
+        joint, along = slide.joint, slide.direction
+        at_centre = joint.child_point == self.mechanism.body(joint.child).centre
+        if joint.parent != GROUND or not (at_centre or joint.turned_by is not None):
+            raise UnsupportedProblemError(
+                f"our adapter couples slides of the ground whose bodies do not turn, or slide by "
+                f"their centres of mass; {coordinate!r} of {coupler.name!r} is none."
+            )
+        return joint.child, np.array([along.real, along.imag, 0.0])
 
     # Stops.
 

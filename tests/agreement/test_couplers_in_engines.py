@@ -28,7 +28,13 @@ def two_rods() -> tb.Mechanism:
     )
 
 
-CASES = [("mujoco", geared()), ("mujoco", two_rods()), ("exudyn", two_rods())]
+RACK = geared("ground").model_copy(update={"name": "rack"})
+CASES = [
+    ("mujoco", geared()),
+    ("mujoco", two_rods()),
+    ("exudyn", two_rods()),
+    ("exudyn", RACK),
+]
 by_case = pytest.mark.parametrize(
     ("name", "mechanism"), CASES, ids=lambda case: case if isinstance(case, str) else case.name
 )
