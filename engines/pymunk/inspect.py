@@ -23,16 +23,7 @@ from ...models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
-from .alone import (
-    BodyTorque,
-    DocumentedSpace,
-    Load,
-    PointForce,
-    RecordedPush,
-    RecordedTwist,
-    StopShapes,
-    spring_torque,
-)
+from .alone import DocumentedSpace, StopShapes, spring_torque
 from .alone import build as build_documented
 from .bodies import Assembly, Rod, is_pin
 from .build import build
@@ -248,8 +239,8 @@ class _BodyEquations:
         self.forces = self.mass * np.array([[*gravity, 0.0] for _ in bodies]).ravel()
         self.rows: list[FloatArray] = []
         self.targets: list[float] = []  # g of each row
-        for load in made.loads:
-            self.add_load(load)
+        made.push([record.value for record in made.records])
+        self.forces += np.array([[*body.force, body.torque] for body in bodies]).ravel()
         for joint in self.assembly.space.constraints:
             self.add(joint)
 
@@ -271,25 +262,6 @@ class _BodyEquations:
 
     def push(self, body: pymunk.Body, at: complex, force: complex) -> None:
         self.forces += abs(force) * self.row(body, at, force / abs(force)) if force else 0.0
-
-    def add_load(self, load: Load) -> None:
-        """Add the forces of a load; of a record there is one effort."""
-        body = self.assembly.parts[load.body].body
-        match load:
-            case PointForce():
-                self.push(body, _end(body, load.point)[0], complex(*load.force))
-            case BodyTorque():
-                self.forces[self.first[body] + 2] += load.torque
-            case RecordedTwist():
-                effort = self.made.records[load.record].value
-                self.forces[self.first[body] + 2] += load.share * effort
-            case RecordedPush():
-                base, _ = self.assembly.end(load.base, 0j)
-                along = complex(*load.axis) * cmath.exp(1j * base.angle)
-                force = self.made.records[load.record].value * along
-                at = _end(body, load.point)[0]
-                self.push(body, at, force)
-                self.push(base, at, -force)
 
     def hold(
         self, a: pymunk.Body, at_a: complex, b: pymunk.Body, at_b: complex, along: complex

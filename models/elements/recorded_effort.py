@@ -17,7 +17,7 @@ from ..spec import Name, Real
 from .base import Feature, Geometry, LinearElement
 
 ROUNDED = 1e-6
-"""Of a step: what begins so much too early by rounding begins at an instant."""
+"""Share of a step: what begins so much too early, by rounding, begins at an instant."""
 _ON_BODY = "on the body, the opposite on the other one"
 
 
