@@ -159,7 +159,7 @@ def concerned(*, stops: bool, impacts: bool, loops: bool, elements: bool) -> fro
         Part.LOOPS: loops,
         Part.LOOP_REACTIONS: loops,
         Part.ELEMENTS: elements,
-        Part.RESTARTS: loops,
+        Part.RESTARTS: loops or elements,
     }
     return frozenset(part for part in Part if present.get(part, True))
 

@@ -50,6 +50,10 @@ def _has_stops(mechanism: Mechanism) -> bool:
     return bool(mechanism.stops)
 
 
+def _has_instants(mechanism: Mechanism) -> bool:
+    return bool(mechanism.instants)
+
+
 def _has_loops(mechanism: Mechanism) -> bool:
     return bool(mechanism.bound_by)
 
@@ -69,6 +73,8 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
     and impacts are stepped onto, and the speeds jump by Newton's law. A touch within one step is
     not seen. The step is shortened a little, so that a whole number of equal steps fits between the
     start or a release and the end: a short last step would be a source of noise in the multipliers.
+    Where a recorded effort changes a run begins anew; by itself Exudyn has it as a function of the
+    time.
     A run with loops begins anew beside positions in which their constraints depend on each other
     (:mod:`.solver`); steps that fail there are replaced by a longer one over the position.
     """
@@ -152,6 +158,14 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
             "restarts",
             off=False,
             acts_on=_has_loops,
+        ),
+        Assistance(
+            Part.RESTARTS,
+            "begins anew where a recorded effort changes",
+            "own_limits",
+            off=True,
+            depending={"locate_releases": False},
+            acts_on=_has_instants,
         ),
         Assistance(
             Part.SUBSTEPS,

@@ -20,6 +20,7 @@ from ...models.elements import (
     PointStop,
     RecordedEffort,
     Stop,
+    efforts_during,
 )
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.mechanism import Mechanism
@@ -316,8 +317,7 @@ def controls_of(
     if not records:
         return None
     controls = np.zeros((len(t), int(model.nu)))
-    for actuator, record in records.items():
-        controls[:, actuator] = record.during(t, step)
+    controls[:, list(records)] = efforts_during(records.values(), t, step)
     return controls
 
 

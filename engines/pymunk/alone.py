@@ -7,7 +7,7 @@ together are one. Then
 - a stop on an angle is a RotaryLimitJoint, one on a point a Circle that collides with a Segment,
   whose elasticity is its restitution. Both stay in the space for the whole run;
 - springs are DampedSprings and DampedRotarySprings with their damping, one with a cubic term by its
-  `torque_func`; constant forces and torques are given to the bodies before each step.
+  `torque_func`; constant and recorded forces and torques are given to the bodies before each step.
 
 Chipmunk divides by a body's moment, so a point mass gets one by mass moved along its pin, which
 changes no motion (:mod:`..point_masses`). Angles of the mechanism are clockwise, Chipmunk's the
@@ -17,7 +17,7 @@ opposite. :func:`script` writes the same run as a program from the space that wa
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,7 +27,8 @@ from pymunk import constraints
 
 from ...models import elements
 from ...models.arrays import ComplexArray, FloatArray, as_vectors
-from ...models.elements import GROUND
+from ...models.elements import GROUND, RecordedEffort, efforts_during
+from ...models.elements.recorded_effort import ROUNDED
 from ...models.errors import SimulationError, UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
@@ -90,6 +91,32 @@ class BodyTorque:
 
 
 @dataclass(frozen=True)
+class RecordedTwist:
+    """A share of a recorded torque on a body, given before each step."""
+
+    body: str
+    record: int  # number of the record
+    share: float  # 1.0 or -1.0, counter-clockwise
+
+
+@dataclass(frozen=True)
+class RecordedPush:
+    """A recorded force on a body's point along an axis of another one, given before each step.
+
+    The other one, or the ground, gets the opposite at the same place.
+    """
+
+    body: str
+    point: tuple[float, float]  # from the centre of mass, in the body's frame [m]
+    base: str
+    axis: tuple[float, float]  # in the base's frame
+    record: int  # number of the record
+
+
+Load = PointForce | BodyTorque | RecordedTwist | RecordedPush
+
+
+@dataclass(frozen=True)
 class StopShapes:
     """Shapes of a stop on a point, which collide with each other."""
 
@@ -108,16 +135,31 @@ class DocumentedSpace:
         default_factory=dict[str, constraints.RotaryLimitJoint]
     )
     walls: dict[str, StopShapes] = field(default_factory=dict[str, StopShapes])
-    loads: list[PointForce | BodyTorque] = field(default_factory=list[PointForce | BodyTorque])
+    loads: list[Load] = field(default_factory=list[Load])
+    records: list[RecordedEffort] = field(default_factory=list[RecordedEffort])
 
-    def push(self) -> None:
-        """Give the bodies their constant forces and torques for the next step."""
+    def push(self, efforts: Sequence[float]) -> None:
+        """Give the bodies their forces and torques for the next step.
+
+        Args:
+            efforts: of the records in that step [N m or N].
+        """
         for load in self.loads:
             body = self.assembly.parts[load.body].body
-            if isinstance(load, PointForce):
-                body.apply_force_at_world_point(load.force, body.local_to_world(load.point))
-            else:
-                body.torque += load.torque
+            match load:
+                case PointForce():
+                    body.apply_force_at_world_point(load.force, body.local_to_world(load.point))
+                case BodyTorque():
+                    body.torque += load.torque
+                case RecordedTwist():
+                    body.torque += load.share * efforts[load.record]
+                case RecordedPush():
+                    at = body.local_to_world(load.point)
+                    base, _ = self.assembly.end(load.base, 0j)
+                    force = efforts[load.record] * pymunk.Vec2d(*load.axis).rotated(base.angle)
+                    body.apply_force_at_world_point(force, at)
+                    if load.base != GROUND:
+                        base.apply_force_at_world_point(-force, at)
 
     def impulses(self) -> dict[str, float]:
         """Impulse of each stop in the last step [N m s or N s]."""
@@ -307,6 +349,25 @@ class _Builder:
             if name != GROUND:
                 self.made.loads.append(BodyTorque(name, torque))
 
+    def add_recorded_torque(self, element: elements.RecordedTorque) -> None:
+        """Add a record, and a load on each of the bodies."""
+        for name, share in zip(element.bodies, (-1.0, 1.0), strict=True):
+            if name != GROUND:
+                self.made.loads.append(RecordedTwist(name, len(self.made.records), share))
+        self.made.records.append(element)
+
+    def add_recorded_force(self, element: elements.RecordedForce) -> None:
+        """Add a record, and a load on the body and the one that it slides on."""
+        slide = self.assembly.rigid.slide(element.slide)
+        joint, axis = slide.joint, complex(slide.direction)
+        _, point = self.assembly.end(joint.child, complex(*joint.child_point))
+        self.made.loads.append(
+            RecordedPush(
+                joint.child, point, joint.parent, (axis.real, axis.imag), len(self.made.records)
+            )
+        )
+        self.made.records.append(element)
+
 
 JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk by itself",
@@ -334,13 +395,13 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.CubicTorsionSpring: _Builder.add_cubic_spring,
         elements.ConstantForce: _Builder.add_force,
         elements.ConstantTorque: _Builder.add_torque,
+        elements.RecordedTorque: _Builder.add_recorded_torque,
+        elements.RecordedForce: _Builder.add_recorded_force,
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",
         elements.SlideInertia: "our adapter adds no inertia between two bodies",
         elements.SlideSpringDamper: "our adapter builds no springs along slides",
-        elements.RecordedForce: "our adapter follows no record of efforts",
-        elements.RecordedTorque: "our adapter follows no record of efforts",
     },
 )
 
@@ -377,6 +438,8 @@ def run_alone(problem: Problem, options: PymunkOptions) -> Recording:
     stepper = Stepper(made.assembly, h, hold_lengths=False, steps=steps)
     stepper.start(options.start_iterations, leapfrog=False)
     torques = {stop.name: np.zeros(steps + 1) for stop in problem.mechanism.stops}
+    times: FloatArray = h * np.arange(steps + 1, dtype=np.float64)
+    efforts = efforts_during(made.records, times, h).tolist()
 
     @read_each_step
     def read_impulses() -> None:
@@ -385,12 +448,11 @@ def run_alone(problem: Problem, options: PymunkOptions) -> Recording:
 
     def after_step() -> None:
         read_impulses()
-        made.push()
+        made.push(efforts[stepper.steps])
 
-    made.push()
+    made.push(efforts[0])
     stepper.run(1, options.start_iterations, after_step)
     stepper.run(steps - 1, options.iterations, after_step)
-    times: FloatArray = h * np.arange(steps + 1, dtype=np.float64)
     with timed_reading():
         return _recording(problem, made, stepper, times, torques)
 
@@ -403,7 +465,9 @@ def _recording(
     torques: dict[str, FloatArray],
 ) -> Recording:
     """Read the bodies at the times [s] of all steps."""
-    motion = MotionReading(made.assembly, stepper.samples(0))
+    # A sample's forces are those of the step that ends there, the first sample's of the first step.
+    begun = times[np.maximum(np.arange(len(times)) - 1, 0)] + ROUNDED * stepper.h
+    motion = MotionReading(made.assembly, stepper.samples(0), acting=begun)
     q, u, _ = motion.motion
     lost = np.flatnonzero(~np.isfinite(np.hstack([q, u])).all(axis=1))
     if len(lost):
@@ -487,6 +551,7 @@ def script(problem: Problem, options: PymunkOptions) -> str:
     """
     made = space_of(problem, options)
     space, parts = made.assembly.space, made.assembly.parts
+    instants = np.array([0.0, *problem.mechanism.instants])
     names = {space.static_body: GROUND, **{part.body: part.name for part in parts.values()}}
     return study.filled_template(
         __name__,
@@ -501,6 +566,9 @@ def script(problem: Problem, options: PymunkOptions) -> str:
         walls=made.walls.values(),
         names=names,
         loads=made.loads,
+        instants=instants.tolist(),
+        efforts=efforts_during(made.records, instants, options.timestep).tolist(),
+        has_records=bool(made.records),
         angles=[body.name for body in problem.mechanism.bodies if body.angle is not None],
         slides=_slides(made.assembly),
         text=_text,

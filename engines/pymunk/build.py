@@ -33,7 +33,7 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from .bodies import Assembly, Rod, is_brace, parts_of, same_point, without_welds
-from .loads import Combination, EngineAngle, RodAngle, Term, pull, twist
+from .loads import Combination, EngineAngle, RodAngle, Term, pull, slide_force, twist
 
 _SLIDING_LENGTH = 1.0  # [m] length of the rod that keeps a point on a line
 
@@ -245,6 +245,19 @@ class _Builder:
         """Add a load."""
         self.add_twist(element, lambda _angle, _speed: element.torque)
 
+    def recorded_torque(self, element: elements.RecordedTorque) -> None:
+        """Add a load of the one torque of its record."""
+        torque = element.value
+        self.add_twist(element, lambda _angle, _speed: torque)
+
+    def recorded_force(self, element: elements.RecordedForce) -> None:
+        """Add a load of the one force of its record."""
+        slide = self.mechanism.slide(element.slide)
+        point = self.point(slide.joint.child, complex(*slide.joint.child_point))
+        base = self.assembly.parts.get(slide.joint.parent)  # none: the ground
+        axis, body = slide.direction, base and base.body
+        self.assembly.loads.append(slide_force(point, body, axis, element.value))
+
     def point_spring(self, element: elements.SpringDamper) -> None:
         """Add Chipmunk's spring where it has both points; else, and of the damper, a load."""
         ends = (
@@ -295,6 +308,7 @@ class _Builder:
     def add_twist(
         self,
         element: elements.ConstantTorque
+        | elements.RecordedTorque
         | elements.RotationalSpringDamper
         | elements.CubicTorsionSpring,
         torque: Callable[[float, float], float],
@@ -376,12 +390,12 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.CubicTorsionSpring: _Builder.cubic_spring,
         elements.ConstantForce: _Builder.constant_force,
         elements.ConstantTorque: _Builder.constant_torque,
+        elements.RecordedTorque: _Builder.recorded_torque,
+        elements.RecordedForce: _Builder.recorded_force,
     },
     {
         elements.RotorInertia: "our adapter adds no inertia between two bodies",
         elements.SlideInertia: "our adapter adds no inertia between two bodies",
         elements.SlideSpringDamper: "our adapter builds no springs along slides",
-        elements.RecordedForce: "our adapter follows no record of efforts",
-        elements.RecordedTorque: "our adapter follows no record of efforts",
     },
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import CubicTorsionSpring
+from ...models.elements import CubicTorsionSpring, RecordedForce, RecordedTorque
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -24,13 +24,21 @@ from .options import (
 )
 from .study import STUDY
 
-BUILT: frozenset[type] = COVERED_BY_FEATURES | {CubicTorsionSpring}
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {
+    CubicTorsionSpring,
+    RecordedForce,
+    RecordedTorque,
+}
 """Classes that the tables of :mod:`.build` and :mod:`.alone` have a handler for; these need the
 library."""
 
 
 def _has_stops(mechanism: Mechanism) -> bool:
     return bool(mechanism.stops)
+
+
+def _has_instants(mechanism: Mechanism) -> bool:
+    return bool(mechanism.instants)
 
 
 def _of_rods(part: Part, does: str, acts_on: Callable[[Mechanism], bool]) -> Assistance:
@@ -50,6 +58,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     By itself (:mod:`.alone`) it has the elements of its documentation, and they stay as they are:
     PivotJoints, GrooveJoints and GearJoints; RotaryLimitJoints for stops on angles, which have no
     restitution; circles that collide with segments for stops on points; springs with their damping.
+    Recorded efforts are forces given before each step: those of its beginning.
     A limit has no force in a step that begins without an error, as does every start; a stop is read
     as released at the end of the first step without one. A GrooveJoint takes the component across
     its line of an impulse that would hold the point in both directions, so that a point beside the
@@ -62,10 +71,11 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
     between two bodies that can turn; a point on a line (a slot, a rail, a trough) hangs on a
     PinJoint across it, whose anchor moves along; a stop that releases is removed. Springs are
     Chipmunk's own; its dampers would be of first order, so dampers are forces, as constant ones
-    are. At an impact the speeds change by Chipmunk's own impulses, and a new leapfrog starts. The
-    step is shortened a little where a whole number of them would not make the duration. With
-    lengths held, `iterations` is the least number of passes: loops that are rigid or nearly
-    singular get as many as they need.
+    and recorded ones are. At an impact the speeds change by Chipmunk's own impulses, and a new
+    leapfrog starts, as it does where a recorded effort changes. The step is shortened a little
+    where a whole number of them would not make the time to that or to the end. With lengths held,
+    `iterations` is the least number of passes: loops that are rigid or nearly singular get as many
+    as they need.
 
     Raises:
         InputError: an option is unknown, outside its range, or does nothing with these `joints`.
@@ -123,6 +133,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
             "impact to it",
             lambda _: True,
         ),
+        _of_rods(Part.RESTARTS, "begins anew where a recorded effort changes", _has_instants),
         _of_rods(Part.TORQUES, "reads stop forces off the motion", _has_stops),
         Assistance(
             Part.START,

@@ -23,7 +23,7 @@ from ...models.elements import GROUND, STOPS, ElementTable, PointStop, Stop
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ..inspection import Dynamics, Inspection, State
-from .alone import DocumentedSpace, PointForce, StopShapes, spring_torque
+from .alone import DocumentedSpace, StopShapes, spring_torque
 from .alone import build as build_documented
 from .bodies import Assembly, Rod, is_pin
 from .build import build
@@ -239,12 +239,8 @@ class _BodyEquations:
         self.forces = self.mass * np.array([[*gravity, 0.0] for _ in bodies]).ravel()
         self.rows: list[FloatArray] = []
         self.targets: list[float] = []  # g of each row
-        for load in made.loads:
-            body = self.assembly.parts[load.body].body
-            if isinstance(load, PointForce):
-                self.push(body, _end(body, load.point)[0], complex(*load.force))
-            else:
-                self.forces[self.first[body] + 2] += load.torque
+        made.push([record.value for record in made.records])
+        self.forces += np.array([[*body.force, body.torque] for body in bodies]).ravel()
         for joint in self.assembly.space.constraints:
             self.add(joint)
 

@@ -2,6 +2,7 @@
 
 Chipmunk adds `body.force` and `body.torque` to a step's impulses at its end position and then sets
 them to zero, so they are set before every step: constant forces and torques, and those of dampers.
+A record of efforts is constant here: a run begins anew where one changes (:mod:`.motion`).
 Chipmunk's own dampers slow bodies down by a factor exp(-c h / m) after all other forces of the
 step, which is of first order. Here a damper's force is that of the speeds at the step's end
 position, which the leapfrog has half a step later: they are extrapolated from the last two half
@@ -179,5 +180,23 @@ def twist(
         exerted = torque(value - other_value, speed - other_speed)
         angle.push(bodies, exerted)
         other.push(bodies, -exerted)
+
+    return act
+
+
+def slide_force(point: Combination, base: pymunk.Body | None, axis: complex, force: float) -> Load:
+    """A force [N] on a point along an axis of a body, and the opposite on that body there.
+
+    Without a body it is an axis of the ground.
+    """
+
+    def act(bodies: LoadedBodies) -> None:
+        if base is None:
+            point.push(bodies, force * axis)
+            return
+        pose, (place, _) = bodies.pose(base), point.place_and_speed(bodies)
+        along = force * axis * cmath.exp(1j * pose.angle)
+        point.push(bodies, along)
+        bodies.add(base, -along, -((place - pose.position).conjugate() * along).imag)
 
     return act

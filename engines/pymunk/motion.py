@@ -9,19 +9,25 @@ seen. A rebound that ends within three steps is none, for its leapfrog has not s
 contact rests. So does one that has parted because another one was met, and comes back as soon:
 steps too long for impacts that follow each other ever faster would go on with them for ever.
 Comparisons allow for it.
+
+Where a recorded effort changes, a segment ends as well, and the next one begins in its last state
+with the new effort: an instant is the beginning of a step, and both halves of a leapfrog's kick
+have the effort of their own step.
 """
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pymunk import constraints
 from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray, as_vectors
+from ...models.elements.recorded_effort import ROUNDED
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
@@ -33,12 +39,13 @@ from ..events import (
     EventDriver,
     Halt,
     RestitutionRule,
+    State,
     Watch,
     active_contacts,
     joined,
     resting,
 )
-from ..impact import mass_matrix, pushing
+from ..impact import Inertia, mass_matrix, pushing
 from ..protocol import Recording
 from ..reading import timed_reading
 from .build import build
@@ -261,19 +268,34 @@ class SteppedSegment:
         """Samples from one to another, both included; `near` tells full turns of the first."""
         return MotionReading(self.assembly, self.stepper.samples(first, last), near)
 
+    def last_state(self) -> State:
+        """Coordinates and speeds at the end, joints that were lost refused."""
+        reading = self.reading(0, self.n)
+        self._refuse_lost(reading.gaps())
+        q, u, _ = reading.motion
+        return q[-1], u[-1]
+
+    def _refuse_lost(self, gaps: Mapping[str, FloatArray]) -> None:
+        """Raise SimulationError if the gap of a joint [m] is too large in a sample from the first.
+
+        Impulses that did not converge may have separated bodies although all numbers are finite.
+        """
+        reach = _reach(self.assembly.mechanism)
+        for name, gap in gaps.items():
+            lost = np.flatnonzero(~(gap <= reach))
+            if len(lost):
+                raise SimulationError(
+                    f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
+                    f"t = {self.times[lost[0]]:.6g} s; a shorter timestep or more iterations may "
+                    "help."
+                )
+
     @timed_reading()
     def recording(self, last: int) -> Recording:
         """The segment up to a sample."""
         t, reading = self.times[: last + 1], self.reading(0, last)
         mechanism, gaps = self.assembly.mechanism, reading.gaps()
-        # Impulses that did not converge may have separated bodies although all numbers are finite.
-        for name, gap in gaps.items():
-            lost = np.flatnonzero(~(gap <= _reach(mechanism)))
-            if len(lost):
-                raise SimulationError(
-                    f"pymunk lost the joint {name!r}: its points are {gap[lost[0]]:.3g} m apart at "
-                    f"t = {t[lost[0]]:.6g} s; a shorter timestep or more iterations may help."
-                )
+        self._refuse_lost(gaps)
         reactions = {name: np.zeros(len(t), dtype=np.complex128) for name in gaps}
         torques = {stop.name: np.zeros(len(t)) for stop in mechanism.stops}
         ends = [first for first, _ in self.regimes[1:]] + [len(t)]
@@ -343,8 +365,12 @@ class PymunkMotion:
         """The mechanism in its state at the start of the next segment, its held stops closed."""
         self._touching = tuple(stop.name for stop in self.mechanism.stops if stop.closed)
         """Contacts of the last impact; before it, those that touch at the start."""
-        self._before_impact: tuple[FloatArray, FloatArray] | None = None
-        """State before the last impact; None: there was none."""
+        self._parted = self._open(self._touching)
+        """Contacts that have had a gap since then. One that has just opened may penetrate by its
+        rounding or drift: it can be met once it has had a gap."""
+        self._instants = (*self.mechanism.instants, math.inf)
+        self._before_impact: State | None = None
+        """State before the last impact; None: there was none, or an effort has changed since."""
         self._plastic, self._kept = frozenset[str](), frozenset[str]()
         """Contacts that did not rebound at the last impact, because their rebounds would have been
         too low; those that came to rest because they came back at once all the same."""
@@ -353,7 +379,10 @@ class PymunkMotion:
             # Raises UnsupportedProblemError at once if a stop cannot be enforced, instead of at the
             # first impact.
             placed = _with_closed(self.mechanism, [stop.name for stop in self.mechanism.stops])
-            build(placed, (), options.error_bias, options.pivot_mass)
+            build(placed.at(0.0), (), options.error_bias, options.pivot_mass)
+
+    def _open(self, touching: Contacts) -> set[str]:
+        return {stop.name for stop in self.mechanism.stops} - set(touching)
 
     def gap(self, stop: str) -> tuple[float, float]:
         """Gap of a stop and its speed at the start, or at the event."""
@@ -364,14 +393,18 @@ class PymunkMotion:
         return float(self.kinematics.gap_jacobian(stop, q) @ u)
 
     def proceed(self, start: float, end: float, watch: Watch) -> Halt:
-        """Move through a segment, to the next impact or to the end."""
-        segment = SteppedSegment(self._start, self.options, start, end)
+        """Move through a segment, to the next impact, change of an effort, or to the end."""
+        stage, until = self._stage(start, end)
+        segment = SteppedSegment(stage, self.options, start, until)
         if not self.unilateral:
             segment.advance(segment.n)
         event = self._step_to_event(segment, watch) if self.unilateral else None
         if event is None:
-            self._recordings.append(segment.recording(segment.n))
-            return Halt(end, segment.released_until(end))
+            if until < end:
+                self._begin_anew(segment)
+            else:
+                self._recordings.append(segment.recording(segment.n))
+            return Halt(until, segment.released_until(until))
         # A contact met again within the few steps that cannot resolve how it parted.
         again = self._before_impact is not None and event.met in self._touching
         parted = not self._start.stop(event.met).closed
@@ -394,11 +427,27 @@ class PymunkMotion:
         self._plastic = self._kept = frozenset()
         return Halt(event.time, segment.released_until(event.time), met=event.met)
 
+    def _stage(self, start: float, end: float) -> tuple[Mechanism, float]:
+        """The mechanism with the efforts that act from one time on, and until when [s]."""
+        rounding = ROUNDED * self.options.timestep
+        until = self._instants[bisect_right(self._instants, start + rounding)]
+        return self._start.at(start + rounding), until if until < end - rounding else end
+
+    def _begin_anew(self, segment: SteppedSegment) -> None:
+        """Record a segment, and begin the next one in its last state, which that one records."""
+        recording = segment.recording(segment.n - 1)
+        self._recordings.append(replace(recording, steps=segment.n))
+        (q, u), self.held = segment.last_state(), tuple(segment.assembly.stops)
+        # Speeds are means of those before and after a step: they may violate what closes a loop by
+        # O(h^2), which a first step would undo by forces of O(h).
+        inertia = Inertia(mass_matrix(self.kinematics, q), self.kinematics.loop_jacobian(q))
+        active = [self.kinematics.gap_jacobian(name, q) for name in self.held]
+        self._state = q, inertia.without_drift(u, np.reshape(active, (-1, len(u))))
+        self._start = _placed(_with_closed(self.mechanism, self.held), *self._state)
+        self._before_impact = None
+
     def _step_to_event(self, segment: SteppedSegment, watch: Watch) -> _ContactEvent | None:
         """Step to the next impact; None: to the end."""
-        # A contact that has just opened may penetrate by its rounding or drift: it can be met once
-        # it has had a gap.
-        parted = {stop.name for stop in self.mechanism.stops if stop.name not in self._touching}
         first, near = 0, initial_state(self._start)[0]
         while first < segment.n:
             last = min(max(first + _CHUNK, segment.stepper.steps), segment.n)
@@ -415,8 +464,8 @@ class PymunkMotion:
                 for k in range(max(first, opened), last + 1):
                     i = k - first
                     if gaps[i] > 0:
-                        parted.add(name)
-                    settled = name in parted or k >= opened + _SETTLING_SAMPLES
+                        self._parted.add(name)
+                    settled = name in self._parted or k >= opened + _SETTLING_SAMPLES
                     if settled and gaps[i] < 0 and speeds[i] < 0:
                         i = max(i - 1, 0)
                         state = q[i], u[i], a[i]
@@ -461,7 +510,7 @@ class PymunkMotion:
         placed = _placed(_with_closed(self.mechanism, touching), q, u)
         restitution = rule({name: self._gap_speed(name, q, u) for name in touching}, q, u)
         impact = resolve_impact(placed, restitution, self.options.pivot_mass, kept)
-        self._touching = touching
+        self._touching, self._parted = touching, self._open(touching)
         self._start = _placed(placed, q, impact.u)
         return impact.impulses, impact.resting
 

@@ -12,13 +12,14 @@ solution of G^T lam = r, with the residual r of the equations of motion without 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from ...models.applied_forces import AppliedForces
-from ...models.arrays import ComplexArray, FloatArray, as_vectors
+from ...models.arrays import ComplexArray, FloatArray, IndexArray, as_vectors
 from ...models.elements import GROUND, AnyJoint, Stop
 from ...models.kinematics import Kinematics
 from ...models.mechanism import Mechanism
@@ -90,6 +91,8 @@ class MotionReading:
     samples: BodySamples
     near: FloatArray | None = None
     """Coordinates that tell the full turns of the first sample; None: those of the start."""
+    acting: FloatArray | None = None
+    """Time whose recorded efforts act at each sample [s], shape (n,); None: no effort changes."""
     frames: dict[str, Frame] = field(default_factory=dict[str, Frame])
 
     def __post_init__(self) -> None:
@@ -175,11 +178,21 @@ class MotionReading:
         """The mechanism's force elements."""
         return AppliedForces(Kinematics(self.mechanism))
 
+    def _stages(self) -> Iterator[tuple[IndexArray, AppliedForces]]:
+        """Samples between the same instants, and the force elements that act there."""
+        times = np.zeros(self.samples.points.shape[1]) if self.acting is None else self.acting
+        return self._applied.at_times(times)
+
     @cached_property
     def applied_on_bodies(self) -> dict[str, ComplexArray]:
         """Resultant force of the force elements on each body that one acts on [N], shape (n,)."""
-        forces = self._applied.on_bodies(*self.motion[:2])
-        return {name: force[..., 0] + 1j * force[..., 1] for name, force in forces.items()}
+        q, u, _ = self.motion
+        forces: dict[str, ComplexArray] = {}
+        for at, applied in self._stages():
+            for name, force in applied.on_bodies(q[at], u[at]).items():
+                whole = forces.setdefault(name, np.zeros(len(q), dtype=np.complex128))
+                whole[at] = force[..., 0] + 1j * force[..., 1]
+        return forces
 
     @cached_property
     def applied_couples(self) -> FloatArray:
@@ -188,7 +201,9 @@ class MotionReading:
         Their generalized forces, less those of the same forces at the centres.
         """
         kinematics, (q, u, _) = self._applied.kinematics, self.motion
-        couples, rates = self._applied.generalized(q, u), kinematics.rates(q)
+        couples, rates = np.zeros(q.shape), kinematics.rates(q)
+        for at, applied in self._stages():
+            couples[at] = applied.generalized(q[at], u[at])
         for body, centre in zip(self.mechanism.bodies, kinematics.centres, strict=True):
             if body.name in self.applied_on_bodies:
                 force = self.applied_on_bodies[body.name].conj()[:, None]

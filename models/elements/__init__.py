@@ -24,7 +24,7 @@ from .free import FreeJoint
 from .pin import PinJoint
 from .point_stop import PointStop
 from .prismatic import PrismaticJoint
-from .recorded_effort import RecordedEffort, RecordedForce, RecordedTorque
+from .recorded_effort import RecordedEffort, RecordedForce, RecordedTorque, efforts_during
 from .rotational_spring_damper import RotationalSpringDamper
 from .rotor_inertia import RotorInertia
 from .slide_inertia import SlideInertia
@@ -73,6 +73,7 @@ __all__ = [
     "TranslationJoint",
     "TwoBodyForceElement",
     "WeldJoint",
+    "efforts_during",
     "refuse_unknown",
 ]
 

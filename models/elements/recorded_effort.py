@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Iterable
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -15,7 +16,8 @@ from ..functions import AngleFunction
 from ..spec import Name, Real
 from .base import Feature, Geometry, LinearElement
 
-_ROUNDED = 1e-6  # of a step
+ROUNDED = 1e-6
+"""Share of a step: what begins so much too early, by rounding, begins at an instant."""
 _ON_BODY = "on the body, the opposite on the other one"
 
 
@@ -66,7 +68,7 @@ class RecordedEffort(LinearElement):
 
         Times of steps are rounded: where one begins a millionth of it too early, it is not.
         """
-        stages = np.searchsorted(self.instants, t + _ROUNDED * step, side="right")
+        stages = np.searchsorted(self.instants, t + ROUNDED * step, side="right")
         return np.array(self.efforts)[stages]
 
     @property
@@ -78,22 +80,23 @@ class RecordedEffort(LinearElement):
         return None if self.instants else (0.0, 0.0)
 
     def effort(self, along: AngleFunction, q: FloatArray, u: FloatArray) -> FloatArray:
-        """The value [N m or N], shape (...,).
-
-        Raises:
-            UnsupportedProblemError: there are several, and no time: who computes this does not
-                follow the record.
-        """
-        return self._value + np.zeros(q.shape[:-1])
+        """The value [N m or N], shape (...,)."""
+        return self.value + np.zeros(q.shape[:-1])
 
     def power(
         self, geometry: Geometry, direction: AngleFunction, q: FloatArray, u: FloatArray
     ) -> FloatArray:
         """Effort times rate [W]."""
-        return self._value * (u @ direction.coefficients)
+        return self.value * (u @ direction.coefficients)
 
     @property
-    def _value(self) -> float:
+    def value(self) -> float:
+        """The value of a record that has one [N m or N].
+
+        Raises:
+            UnsupportedProblemError: there are several, and no time: who asks for it does not
+                follow the record.
+        """
         match self.efforts:
             case (value,):
                 return value
@@ -102,6 +105,11 @@ class RecordedEffort(LinearElement):
                     f"{self.name!r} changes at {len(self.instants)} instants; what is computed "
                     "here knows no time."
                 )
+
+
+def efforts_during(records: Iterable[RecordedEffort], t: FloatArray, step: float) -> FloatArray:
+    """Efforts of records in steps [s] from times (n,) [s], shape (n, n_records) [N m or N]."""
+    return np.reshape([record.during(t, step) for record in records], (-1, len(t))).T
 
 
 class RecordedTorque(RecordedEffort):

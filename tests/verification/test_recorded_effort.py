@@ -144,7 +144,6 @@ def test_who_follows_no_record_refuses_it_by_its_name() -> None:
         lambda: solve_taylor(problem),
         lambda: solve_redundant(problem),
         lambda: tb.prove(problem, until=0.5),
-        lambda: tb.engine("pymunk").simulate(problem),
     ):
         with pytest.raises(tb.UnsupportedProblemError, match=r"motor|recorded"):
             computed()
