@@ -62,11 +62,10 @@ def read_command(call: Call) -> None:
 
     Example: trebucheck models read cartpole.xml --qpos 0,0.1 --out cartpole.json
     """
-    from ..comparisons.runs.model_files import read_model_file
-    from ..engines.study import ModelStart
+    from ..comparisons.runs.model_files import read_model_file, start_of
     from ..models.files import write_text
 
-    read = read_model_file(call.file, ModelStart(**call.model_start()))
+    read = read_model_file(call.file, start_of(**call.model_start()))
     if call.out is None:
         typer.echo(read.mechanism.to_json())
     else:

@@ -7,6 +7,7 @@ first contact, or as long as the reference is known. So are other engines' motio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -23,14 +24,14 @@ from ..engines.study import Episode, GivenRun, ModelFile, ModelOptions, ModelSta
 from ..models.arrays import FloatArray
 from ..models.controls import ControlRecord
 from ..models.errors import InputError, SimulationError
+from ..models.functions import PointCoefficients
 from ..models.kinematics import Kinematics
 from ..models.mechanism import Mechanism
-from ..models.problem import StopLaw
+from ..models.problem import Problem, StopLaw
 from ..models.shown import Reported
 from ..models.spec import Real, Spec
 from ..models.trajectory import Provenance, Trajectory
-from .runs.metrics import compared_points
-from .runs.model_files import controls_of, largest_difference, read_model_file
+from .runs.model_files import largest_difference, read_model_file, start_of
 from .runs.process import Worker
 from .runs.results import REFERENCE, ResultFile
 from .runs.runner import Runner, failure, refuse_invalid
@@ -155,7 +156,10 @@ class Audit(Reported, ResultFile):
         description="of the reference motion: the diagonal of the box that the path of the point "
         "that moves farthest fills [m]"
     )
-    points: tuple[str, ...] = Field(description="markers, or bodies for their centres of mass")
+    points: tuple[str, ...] = Field(
+        description="sites, and of each body its centre of mass and a point at its radius of "
+        "gyration from it"
+    )
     accuracy: Real = Field(description="error that is asked for [m]")
     errors: tuple[ErrorAt, ...] = Field(description="of the file as it is given")
     samples: tuple[AuditSample, ...] = Field(description="the same over time")
@@ -275,12 +279,14 @@ def audit(
         UnsupportedProblemError: the model cannot be read; the sentence names why.
         SimulationError: the reference cannot move it.
     """
-    for what, value in (("until", until), ("accuracy", accuracy)):
-        if value is not None and not 0.0 < value < np.inf:
+    asked: dict[str, Any] = {"until": until, "accuracy": accuracy}
+    for what, value in asked.items():
+        if value is not None and not (isinstance(value, int | float) and 0.0 < value < np.inf):
             raise InputError(f"{what} = {value!r} must be a positive number.")
+    engines = [engines] if isinstance(engines, str) else engines
     for name in engines or ():
         engine(name, SETTINGS)  # refuses one that is unknown before anything is moved
-    start = ModelStart(keyframe, qpos, qvel, controls_of(ctrl), without)
+    start = start_of(keyframe, qpos, qvel, ctrl, without)
     if isinstance(source, ModelFile):
         if start != ModelStart():
             raise InputError(f"{source.mechanism.name!r} has a start of its own; give no other.")
@@ -296,11 +302,39 @@ def audit(
         read = read_model_file(source, start)
         name = str(source) if isinstance(source, str | Path) else "a compiled model"
         shown = "the MJCF text" if name.lstrip().startswith("<") else name
+    _refuse_open_start(read.mechanism)
     others = engines
     if others is None:
         others = [each for each in engine_names() if each not in (REFERENCE, read.engine)]
     with Worker(_TIMEOUT) as worker:
         return _Audited(read, float(until), worker, progress).made(shown, accuracy, others)
+
+
+def _refuse_open_start(mechanism: Mechanism) -> None:
+    """Raise InputError for a start that is off an equality, before anything is moved."""
+    try:
+        Problem(mechanism)
+    except InputError as error:
+        raise InputError(
+            f"{error} Give a start that fits (qpos, or a keyframe), or leave the equalities out."
+        ) from None
+
+
+def _points_of(kinematics: Kinematics) -> dict[str, PointCoefficients]:
+    """Points whose errors are told: markers, and two of each body, so that no motion is missed.
+
+    They are its centre of mass and, away from its joint, a point at its radius of gyration.
+    """
+    mechanism = kinematics.mechanism
+    ends = [(marker.name, marker.body, complex(*marker.point)) for marker in mechanism.markers]
+    for body in mechanism.bodies:
+        centre = complex(*body.centre)
+        arm = centre - complex(*mechanism.joint_of(body.name).child_point)
+        away = math.sqrt(body.inertia / body.mass) * (arm / abs(arm) if abs(arm) > 0 else 1.0)
+        ends.append((f"centre of {body.name}", body.name, centre))
+        if away:
+            ends.append((f"{body.name} at its radius of gyration", body.name, centre + away))
+    return {name: kinematics.point(body, (at.real, at.imag)) for name, body, at in ends}
 
 
 class _Audited:
@@ -312,7 +346,7 @@ class _Audited:
         self.read, self.until, self.progress = read, until, progress
         self._worker = worker
         self._kinematics = Kinematics(read.mechanism)
-        self._points = compared_points(self._kinematics)
+        self._points = _points_of(self._kinematics)
         self._motions: dict[ModelOptions, GivenRun | str] = {}
 
     @cached_property

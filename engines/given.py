@@ -163,7 +163,8 @@ class GivenModel(Spec, ABC):
                 "it."
             )
         read = self.read(mechanism.source)
-        if read.mechanism.content_hash != mechanism.content_hash:
+        now = read.mechanism.model_copy(update={"name": mechanism.name})
+        if now.content_hash != mechanism.content_hash:
             where = mechanism.source.path or "its text"
             raise UnsupportedProblemError(
                 f"{mechanism.name!r} is another mechanism than {where} has now: one of them was "

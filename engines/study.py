@@ -374,6 +374,8 @@ class ModelOptions:
     """Whether an integrator that treats damping implicitly, and nothing else, does not."""
     stiff: bool = False
     """Whether limits and loops are as stiff as the step can bear, in place of the file's own."""
+    damped: bool = False
+    """Whether limits are damped so that nothing rebounds from them, in place of the file's own."""
 
 
 @dataclass(frozen=True)

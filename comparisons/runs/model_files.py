@@ -11,7 +11,7 @@ import numpy as np
 from ...engines.study import Episode, ModelFile, ModelStart, Policy
 from ...models.arrays import FloatArray
 from ...models.controls import ControlRecord
-from ...models.errors import EngineNotInstalledError, SimulationError
+from ...models.errors import EngineNotInstalledError, InputError, SimulationError
 from ...models.library.registry import is_file, read_file, read_files_by
 from ...models.mechanism import Mechanism
 
@@ -64,15 +64,40 @@ def from_mjcf(
             mechanisms have not; the sentence names it.
         EngineNotInstalledError: the engine that compiles such files is not installed.
     """
-    start = ModelStart(keyframe, qpos, qvel, controls_of(ctrl), without)
-    return read_model_file(source, start).mechanism
+    return read_model_file(source, start_of(keyframe, qpos, qvel, ctrl, without)).mechanism
 
 
-def controls_of(
-    ctrl: Sequence[float] | ControlRecord | str | Path | None,
-) -> Sequence[float] | ControlRecord | None:
-    """Controls as they are given, or read from the file that is named."""
-    return ControlRecord.read(ctrl) if isinstance(ctrl, str | Path) else ctrl
+def start_of(
+    keyframe: str | int | None = None,
+    qpos: Sequence[float] | None = None,
+    qvel: Sequence[float] | None = None,
+    ctrl: Sequence[float] | ControlRecord | str | Path | None = None,
+    without: Collection[str] = (),
+) -> ModelStart:
+    """Start of a model file as a user gives it; controls are read from a file that is named.
+
+    Raises:
+        InputError: one of them is no list of numbers, or of words, or the file cannot be read.
+    """
+    if isinstance(without, str):
+        raise InputError(f"without = {without!r} must be a list of words, as ['limits'].")
+    if isinstance(ctrl, str | Path):
+        ctrl = ControlRecord.read(ctrl)
+    elif not isinstance(ctrl, ControlRecord):
+        ctrl = _numbers("ctrl", ctrl)
+    return ModelStart(keyframe, _numbers("qpos", qpos), _numbers("qvel", qvel), ctrl, without or ())
+
+
+def _numbers(name: str, value: Sequence[float] | None) -> list[float] | None:
+    if value is None:
+        return None
+    try:
+        numbers = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.zeros((0, 0))
+    if isinstance(value, str) or numbers.ndim != 1:
+        raise InputError(f"{name} = {value!r} must be a list of numbers.")
+    return list(map(float, numbers))
 
 
 def rollout(

@@ -196,6 +196,17 @@ class _StudyFields(_HowRun, total=False):
     sweep: bool
 
 
+def _named(given: Mechanism | Problem, name: str) -> Mechanism | Problem:
+    """A mechanism, or a problem, whose mechanism has a name."""
+    own = mechanism_of(given)
+    if own.name == name:
+        return given
+    renamed = own.model_copy(update={"name": name})
+    if isinstance(given, Problem):
+        return given.model_copy(update={"mechanism": renamed})
+    return renamed
+
+
 @dataclass(frozen=True)
 class Study:
     """Mechanisms, engines and presets, and how they are run.
@@ -204,8 +215,8 @@ class Study:
         InputError: a name or a value is not valid, or a list is empty.
     """
 
-    # Names of machines or of the library's problems, mechanisms, or problems. The last of several
-    # with one name is taken. A problem brings its own end and its own law.
+    # Names of machines or of the library's problems, mechanisms, or problems. Others with a name
+    # that was there get a number. A problem brings its own end and its own law.
     models: Iterable[str | Mechanism | Problem] = ("fixed", "rolling")
     engines: Iterable[str] | None = None  # names; None: every known engine, installed or not
     presets: Iterable[str] = PRESETS
@@ -342,14 +353,19 @@ class Study:
 
     @cached_property
     def _models(self) -> Mapping[str, Mechanism | Problem]:
-        """The models by the names of their mechanisms; the last of several with one name."""
+        """The models by the names of their mechanisms, which are numbered where they recur."""
         models: dict[str, Mechanism | Problem] = {}
         for given in self.models:
             entry = given
             if isinstance(entry, str):
                 problem = library_problem(entry, self.parameters)
                 entry = problem or model(entry, self.parameters)
-            models[mechanism_of(entry).name] = entry
+            own, k = mechanism_of(entry), 1
+            name = own.name
+            while name in models and mechanism_of(models[name]) != _named(own, name):
+                k += 1
+                name = f"{own.name} {k}"
+            models[name] = _named(entry, name)
         return models
 
     @property

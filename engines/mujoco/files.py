@@ -20,6 +20,7 @@ from .compat import CALLBACK, mujoco
 from .planar import MUJOCO, PlanarModel, as_name, planar_model
 
 _LARGEST = 20_000_000  # [B] of a file
+_BLANK = "\ufeff \t\r\n"  # before a text: a byte order mark, too
 _MIMICS = re.compile(rb"<\s*mimic\b")
 
 
@@ -79,20 +80,25 @@ def _with_source(read: PlanarModel, source: str | Path | Any, start: ModelStart)
 
 
 def _is_text(source: str | Path) -> bool:
-    return isinstance(source, str) and source.lstrip().startswith("<")
+    return isinstance(source, str) and source.lstrip(_BLANK).startswith("<")
 
 
 def _compiled(source: str | Path | Any) -> tuple[Any, str]:
     """The compiled model, and a name for the mechanism."""
     if isinstance(source, mujoco.MjModel):
         return source, _name(source, "model")
+    if not isinstance(source, str | Path):
+        raise InputError(
+            f"a {type(source).__name__} is no model file; valid are its path, its text and a "
+            "compiled mujoco.MjModel."
+        )
     is_text = _is_text(source)
     where = "the MJCF text" if is_text else str(source)
     content = str(source).encode() if is_text else read_bytes(Path(source), _LARGEST)
     try:
         with CALLBACK:
             if is_text:
-                model = mujoco.MjModel.from_xml_string(source)
+                model = mujoco.MjModel.from_xml_string(str(source).lstrip(_BLANK))
             else:
                 model = mujoco.MjModel.from_xml_path(str(source))
     except ValueError as error:
@@ -124,6 +130,15 @@ def _of_keyframe(model: Any, name: str, keyframe: str | int | None) -> dict[str,
         has = f"has the keyframes {', '.join(names)}" if names else "has no keyframe"
         raise InputError(f"there is no keyframe {keyframe!r}: {name!r} {has}.")
     k = names.index(wanted)
+    for body in np.flatnonzero(model.body_mocapid >= 0).tolist():
+        mocap = int(model.body_mocapid[body])
+        moved = model.key_mpos[k].reshape(-1, 3)[mocap] != model.body_pos[body]
+        turned = model.key_mquat[k].reshape(-1, 4)[mocap] != model.body_quat[body]
+        if moved.any() or turned.any():
+            raise UnsupportedProblemError(
+                f"the keyframe {wanted!r} of {name!r} moves the mocap body "
+                f"{model.body(body).name!r}, which a mechanism holds where the file has it."
+            )
     return {
         "qpos": np.array(model.key_qpos[k]),
         "qvel": np.array(model.key_qvel[k]),

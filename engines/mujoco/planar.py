@@ -64,6 +64,8 @@ _LONGEST_NAME = 60
 _ROUNDED = 1e-13  # of the largest of several weights: rounding of their sums
 _FARTHEST = 1.5  # [rad, m] from `qpos0`, of random states
 _FASTEST = 2.0  # [rad/s, m/s]
+_TOUCHING = 1e-12  # [rad, m] of a gap
+_DIGITS = 1e-4  # [rad, m] keyframes are written with four digits
 
 _SAME_TIME = 1e-9  # [s]
 _MOST_TIMES = 1000  # of recorded controls, at which a reading is held against the model
@@ -73,6 +75,7 @@ _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
 _INTEGRATOR = "mjINT_"
 _EULER, _MOST_ACCURATE = "Euler", "RK4"
 _INTEGRATORS = (_EULER, "implicitfast", _MOST_ACCURATE)
+_NO_REBOUND = 5.0  # damping ratio with which a limit gives back a hundredth of the speed
 _STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo clamps impedances there
 
 LEAVABLE = (
@@ -242,7 +245,11 @@ class PlanarModel:
 
     @property
     def causes(self) -> tuple[ModelCause, ...]:
-        """The integrator, the step, and the softness of limits and equalities."""
+        """The integrator, the step, the softness of limits and equalities, the limits' rebound.
+
+        A limit pushes and does not pull: with a damping ratio of 1 a joint leaves it with exp(-2) =
+        0.135 of the speed that it came with, however stiff it is.
+        """
         model, given = self.given, self.options
         causes = list[ModelCause]()
         if given.integrator != _MOST_ACCURATE:
@@ -252,6 +259,9 @@ class PlanarModel:
             change = "a time constant of two steps, and an impedance of 0.9999"
             without = partial(replace, stiff=True)
             causes.append(ModelCause("softness of limits and equalities", change, without))
+        if np.any(model.jnt_limited):
+            change = f"a damping ratio of {_NO_REBOUND:g} of the limits"
+            causes.append(ModelCause("rebound of limits", change, partial(replace, damped=True)))
         return tuple(causes)
 
     def option_text(self, options: ModelOptions) -> str:
@@ -318,6 +328,8 @@ class PlanarModel:
             for kind in ("jnt", "eq"):
                 getattr(model, f"{kind}_solref")[:] = 2.0 * options.timestep, 1.0
                 getattr(model, f"{kind}_solimp")[:] = _STIFFEST
+        if options.damped:
+            model.jnt_solref[:] = 2.0 * options.timestep, _NO_REBOUND
         return model
 
     def _start(self, model: Any) -> Any:
@@ -435,13 +447,16 @@ def planar_model(
         raise InputError(
             f"{min(unknown)!r} cannot be left out; what can be is {', '.join(LEAVABLE)}."
         )
-    return _Reader(copy(model), name, *given, frozenset(without), given=model).read()
+    moved = copy(model)
+    if "contacts" in without:
+        moved.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return _Reader(copy(model), name, *given, frozenset(without), given=moved).read()
 
 
 def _given(what: str, value: FloatArray | None, usual: FloatArray) -> FloatArray:
     if value is None:
         return usual
-    values = np.asarray(value, dtype=np.float64)
+    values = np.array(value, dtype=np.float64)
     if values.shape != usual.shape:
         told = ",".join(f"{value:g}" for value in values.ravel())
         raise InputError(f"{what} = {told} has {values.size} values; this model has {usual.size}.")
@@ -521,7 +536,7 @@ class _Reader:
     controls: ControlRecord
     without: frozenset[str]
     given: Any
-    """The model as it was given, which stays so."""
+    """The model as it is moved, which stays so."""
     left_out: list[str] = field(default_factory=list[str])
     bodies: list[Body] = field(default_factory=list[Body])
     joints: list[AnyJoint] = field(default_factory=list[AnyJoint])
@@ -598,8 +613,15 @@ class _Reader:
         for what, is_there in (
             ("flexible bodies", model.nflex > 0),
             ("plug-ins", model.nplugin > 0),
-            ("compensation of gravity", np.any(model.body_gravcomp)),
+            (
+                "compensation of gravity",
+                np.any(model.body_gravcomp) and self._is_on("GRAVITY") and option.gravity.any(),
+            ),
             # Of later versions than the oldest that is supported
+            (
+                "bodies that sleep",
+                option.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0),
+            ),
             ("plastic joints", getattr(model, "nplastic", 0) > 0),
             ("actuators with a delay", np.any(getattr(model, "actuator_delay", 0))),
             (
@@ -624,7 +646,9 @@ class _Reader:
             if is_there:
                 leave_out()
                 self.left_out.append(what)
-        if self._has_contacts():
+        if "contacts" in self.without:
+            self.left_out.append("contacts, also where the file is moved as it is")
+        elif self._has_contacts():
             self.left_out.append("contacts: they may end what is compared")
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
 
@@ -644,7 +668,9 @@ class _Reader:
             return False
         types, affinities = model.geom_contype, model.geom_conaffinity
         pairs = (types[:, None] & affinities[None, :]) | (affinities[:, None] & types[None, :])
-        apart = model.geom_bodyid[:, None] != model.geom_bodyid[None, :]
+        bodies = model.geom_bodyid
+        excluded = np.isin((bodies[:, None] << 16) + bodies[None, :], model.exclude_signature)
+        apart = (bodies[:, None] != bodies[None, :]) & ~excluded & ~excluded.T
         moving = (model.body_weldid[model.geom_bodyid] != 0)[:, None]
         return model.npair > 0 or bool(np.any((pairs != 0) & apart & moving))
 
@@ -680,11 +706,15 @@ class _Reader:
                 raise self._leaves(joint, f"a {word} joint, which leaves every plane")
         plane = Plane.normal_to(self._normal(hinges, slides))
         for joint in hinges:
-            if np.linalg.norm(np.cross(self._axis(joint), plane.normal)) > _ALONG:
-                raise self._leaves(joint, "whose axis is not across the plane of the others")
+            off = float(np.linalg.norm(np.cross(self._axis(joint), plane.normal)))
+            if off > _ALONG:
+                what = f"whose axis is not across the plane of the others: {_told(off)} off"
+                raise self._leaves(joint, what)
         for joint in slides:
-            if abs(self._axis(joint) @ plane.normal) > _ALONG:
-                raise self._leaves(joint, "a slide that leaves the plane of the others")
+            off = abs(float(self._axis(joint) @ plane.normal))
+            if off > _ALONG:
+                what = f"a slide that leaves the plane of the others: {_told(off)} off"
+                raise self._leaves(joint, what)
         return plane.along(self._slides_of_a_free_body())
 
     def _normal(self, hinges: Sequence[int], slides: Sequence[int]) -> FloatArray:
@@ -739,28 +769,37 @@ class _Reader:
 
     def _add_body(self, body: int) -> None:
         model, data = self.model, self.data
+        if body in self.home:
+            return
         parent = self.home[int(model.body_parentid[body])]
         joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
-        mass = float(model.body_mass[body])
-        if not joints and (parent == GROUND or not mass):
+        has_mass = bool(model.body_mass[body])
+        if not joints and (parent == GROUND or not has_mass):
             self.home[body] = parent
             return
         own = self.names.new(model.body(body).name, f"body {body}")
         self.home[body], self.origin[own] = own, self._at(data.xpos[body])
         self.angle[own] = self.angle[parent]
         turns = self._join(own, parent, list(joints), body)
-        if not mass > 0:
+        # What is welded to a body without mass gives it its own.
+        parts = [body] if has_mass else np.flatnonzero(model.body_weldid == body).tolist()
+        self.home |= dict.fromkeys(parts, own)
+        masses = model.body_mass[parts]
+        if not masses.sum() > 0:
             raise UnsupportedProblemError(
                 f"{self.name!r}: the body {own!r} moves and has no mass, and every body here has."
             )
-        about = np.array(data.ximat[body]).reshape(3, 3).T @ self.plane.normal
+        centres = np.array([self._at(data.xipos[part]) for part in parts])
+        centre = complex(masses @ centres / masses.sum())
+        abouts = data.ximat[parts].reshape(-1, 3, 3).transpose(0, 2, 1) @ self.plane.normal
+        inertias = np.sum(abouts**2 * model.body_inertia[parts], axis=1)
         self.bodies.append(
             Body(
                 name=own,
                 angle=turns,
-                mass=mass,
-                centre=self._in(own, self._at(data.xipos[body])),
-                inertia=float(about**2 @ model.body_inertia[body]),
+                mass=float(masses.sum()),
+                centre=self._in(own, centre),
+                inertia=float(np.sum(inertias + masses * np.abs(centres - centre) ** 2)),
             )
         )
 
@@ -866,6 +905,8 @@ class _Reader:
     def _markers(self) -> Iterator[Marker]:
         for site in range(self.model.nsite):
             body = self.home[int(self.model.site_bodyid[site])]
+            if body == GROUND:  # its place tells nothing of the motion
+                continue
             at = self._in(body, self._at(self.data.site_xpos[site]))
             name = self.points.new(self.model.site(site).name, f"site {site}")
             self.sites[name] = site
@@ -878,11 +919,9 @@ class _Reader:
         degree = int(model.jnt_dofadr[joint])
         if self._has(jnt_stiffnesspoly=joint, dof_dampingpoly=degree):
             raise self._lacks(f"the joint {made.name!r} has a nonlinear spring or damper")
-        if model.jnt_actfrclimited[joint]:
-            raise self._lacks(f"the joint {made.name!r} limits the force of its actuators")
         armature = float(model.dof_armature[degree])
         if armature:
-            self._add_inertia(made, armature)
+            self._add_inertia(made, f"{made.name} rotor", armature)
         stiffness = float(model.jnt_stiffness[joint]) if self._is_on("SPRING") else 0.0
         damping = float(model.dof_damping[degree]) if self._is_on("DAMPER") else 0.0
         if stiffness or damping:
@@ -891,16 +930,18 @@ class _Reader:
             self._add_spring(made, name, stiffness, damping, at_rest)
         self._add_limits(made)
 
-    def _add_inertia(self, made: _Made, armature: float) -> None:
-        element: dict[str, Any] = {"name": self.element_names.new(f"{made.name} rotor", "")}
+    def _add_inertia(self, made: _Made, name: str, armature: float) -> None:
+        element: dict[str, Any] = {"name": self.element_names.new(name, "")}
         element |= {**made.between, "inertia": armature}
         if made.turns:
             self.forces.append(RotorInertia(**element))
         else:
             self.forces.append(SlideInertia(**element, coordinate=self._along(made)[0]))
 
-    def _lacks(self, what: str) -> UnsupportedProblemError:
-        return UnsupportedProblemError(f"{self.name!r}: {what}, which no mechanism has.")
+    def _lacks(self, what: str, word: str = "") -> UnsupportedProblemError:
+        """Refusal of what no mechanism has, with the word that leaves it out, if one does."""
+        way = f"; --without {word} leaves it out" if word else ""
+        return UnsupportedProblemError(f"{self.name!r}: {what}; no mechanism has that{way}.")
 
     def _add_spring(
         self, made: _Made, name: str, stiffness: float, damping: float, at_rest: float
@@ -956,12 +997,16 @@ class _Reader:
 
     def _add_limits(self, made: _Made) -> None:
         address = int(self.model.jnt_qposadr[made.joint])
-        value, zero = float(self.qpos[address]), float(self.model.qpos0[address])
+        zero = float(self.model.qpos0[address])
         for side, limit in self._limits(made.joint):
+            gap = side * (float(self.qpos[address]) - limit)
+            if -_DIGITS <= gap < -_TOUCHING:
+                self.left_out.append(f"{-gap:.2g} by which {made.name!r} starts beyond its limit")
+                self.qpos[address], gap = limit, 0.0
             name = self.stop_names.new(f"{made.name} {'lower' if side > 0 else 'upper'} limit", "")
             self.limits[name] = side * np.eye(self.model.nq)[address], side * limit
             stop: dict[str, Any] = {"name": name, **made.between}
-            stop["closed"] = self._closed(made.name, side * (value - limit))
+            stop["closed"] = self._closed(made.name, gap)
             if made.turns:
                 # Its own angle less the parent's is sense * (qpos - qpos0).
                 sense = _sign(side * self.plane.sense(self._axis(made.joint)))
@@ -990,12 +1035,12 @@ class _Reader:
         yield -1, high - margin
 
     def _closed(self, joint: str, gap: float) -> bool:
-        if gap < -1e-12:
+        if gap < -_TOUCHING:
             raise InputError(
                 f"{self.name!r} starts beyond a limit of {joint!r}, by {-gap:.3g}; give a start "
                 "within its limits (qpos, or a keyframe), or leave the limits out."
             )
-        return abs(gap) <= 1e-12
+        return abs(gap) <= _TOUCHING
 
     # --- equalities
 
@@ -1016,9 +1061,9 @@ class _Reader:
                 continue
             if not is_weld and kind != mujoco.mjtEq.mjEQ_CONNECT:
                 word = kind.name.removeprefix("mjEQ_").lower()
-                raise self._lacks(f"the equality {name!r} is of the kind {word!r}")
+                raise self._lacks(f"the equality {name!r} is of the kind {word!r}", "equalities")
             if is_weld and not model.eq_data[k, 10]:
-                raise self._lacks(f"the weld {name!r} holds no angle (torquescale)")
+                raise self._lacks(f"the weld {name!r} holds no angle (torquescale)", "equalities")
             self._add_loop(k, name, is_weld=is_weld)
 
     def _add_loop(self, k: int, name: str, *, is_weld: bool) -> None:
@@ -1048,10 +1093,10 @@ class _Reader:
         row, shift = self._length(k, one, name), float(numbers[0])
         if other >= 0:
             if numbers[2:5].any():
-                raise self._lacks(f"the equality {name!r} is not linear")
+                raise self._lacks(f"the equality {name!r} is not linear", "equalities")
             row -= float(numbers[1]) * self._length(k, other, name)
         if not row.any():
-            raise self._lacks(f"the equality {name!r} holds nothing that moves")
+            raise self._lacks(f"the equality {name!r} holds nothing that moves", "equalities")
         self.sums.append((k, name, row, shift + float(row @ model.qpos0)))
 
     def _length(self, k: int, index: int, name: str) -> FloatArray:
@@ -1062,7 +1107,9 @@ class _Reader:
             return row
         for w in self._wraps(index):
             if model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT:
-                raise self._lacks(f"the equality {name!r} is of a tendon between sites")
+                raise self._lacks(
+                    f"the equality {name!r} is of a tendon between sites", "equalities"
+                )
             row[int(model.jnt_qposadr[int(model.wrap_objid[w])])] += float(model.wrap_prm[w])
         return row
 
@@ -1127,14 +1174,32 @@ class _Reader:
     def _add_actuators(self) -> None:
         model = self.model
         self._add_tendons()
-        if not self._is_on("ACTUATION"):
-            return
         for k in range(model.nu):
+            name = self._mujoco_name("actuator", k)
             if "actuators" in self.without:
                 model.actuator_gear[k] = 0.0
-                self.left_out.append(f"actuator {self._mujoco_name('actuator', k)!r}")
+                self.left_out.append(f"actuator {name!r}")
                 continue
-            self._add_actuator(k, self._mujoco_name("actuator", k))
+            self._add_drive(k, name)
+            disabled = int(model.opt.disableactuator) >> max(0, int(model.actuator_group[k])) & 1
+            if self._is_on("ACTUATION") and not disabled:
+                self._add_actuator(k, name)
+
+    def _add_drive(self, k: int, name: str) -> None:
+        """Add an actuator's own inertia and damping, which act whether it is disabled or not."""
+        model = self.model
+        if self._has(actuator_dampingpoly=k):
+            raise self._lacks(f"the actuator {name!r} has a nonlinear damper", "actuators")
+        # Of later versions than the oldest that is supported
+        if not self._has(actuator_armature=k, actuator_damping=k):
+            return
+        armature, damping = float(model.actuator_armature[k]), float(model.actuator_damping[k])
+        ((joint, weight),) = self._transmission(k, name, alone=True)
+        made = self.made[joint]
+        if armature:
+            self._add_inertia(made, f"{name} rotor", weight**2 * armature)
+        if damping and self._is_on("DAMPER"):
+            self._add_spring(made, f"{name} damper", 0.0, weight**2 * damping, 0.0)
 
     def _add_tendons(self) -> None:
         """Add springs, dampers and limits of tendons."""
@@ -1158,7 +1223,7 @@ class _Reader:
                 acts = False
             for what, is_there in unknown.items():
                 if is_there:
-                    raise self._lacks(f"the tendon {name!r} has {what}")
+                    raise self._lacks(f"the tendon {name!r} has {what}", "tendons")
             if acts:
                 self._add_tendon(k, name, stiffness, damping, limited=limited)
 
@@ -1180,7 +1245,9 @@ class _Reader:
         model, wraps = self.model, self._wraps(k)
         low, at_rest = (float(length) for length in model.tendon_lengthspring[k])
         if stiffness and low != at_rest:
-            raise self._lacks(f"the tendon {name!r} has a spring that is slack between two lengths")
+            raise self._lacks(
+                f"the tendon {name!r} has a spring that is slack between two lengths", "tendons"
+            )
         law: dict[str, Any] = {"stiffness": stiffness, "damping": damping}
         kinds = {int(model.wrap_type[w]) for w in wraps}
         if kinds == {int(mujoco.mjtWrap.mjWRAP_JOINT)}:
@@ -1189,10 +1256,7 @@ class _Reader:
             self._add_straight_tendon(name, wraps, law, at_rest)
         else:
             what = "limits a distance" if limited else "has a spring or a damper along a bent line"
-            raise UnsupportedProblemError(
-                f"{self.name!r}: the tendon {name!r} {what}, which no mechanism does; "
-                "--without tendons leaves it out."
-            )
+            raise self._lacks(f"the tendon {name!r} {what}", "tendons")
 
     def _add_straight_tendon(
         self, name: str, wraps: range, law: Mapping[str, Any], at_rest: float
@@ -1202,7 +1266,7 @@ class _Reader:
         sites = [int(model.wrap_objid[w]) for w in wraps]
         places = [np.array(data.site_xpos[site]) for site in sites]
         if abs((places[1] - places[0]) @ self.plane.normal) > _ALONG:
-            raise self._lacks(f"the tendon {name!r} leaves the plane")
+            raise self._lacks(f"the tendon {name!r} leaves the plane", "tendons")
         one, other = (self.home[int(model.site_bodyid[site])] for site in sites)
         if one == other:
             return
@@ -1264,7 +1328,9 @@ class _Reader:
                 and np.abs(row - (row @ along / size) * along).max() <= 1e-12 * np.abs(row).max()
             ):
                 return two, one
-        raise self._lacks(f"the tendon {name!r} is no angle between two bodies")
+        raise self._lacks(
+            f"the length of the tendon {name!r} follows no angle between two bodies", "tendons"
+        )
 
     def _add_actuator(self, k: int, name: str) -> None:
         """Add what a constant control makes of an actuator: a force, a spring and a damper."""
@@ -1272,11 +1338,11 @@ class _Reader:
         gain = mujoco.mjtGain(int(model.actuator_gaintype[k]))
         bias = mujoco.mjtBias(int(model.actuator_biastype[k]))
         if mujoco.mjtDyn(int(model.actuator_dyntype[k])) != mujoco.mjtDyn.mjDYN_NONE:
-            raise self._lacks(f"the actuator {name!r} has an activation of its own")
+            raise self._lacks(f"the actuator {name!r} has an activation of its own", "actuators")
         if gain not in (mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtGain.mjGAIN_AFFINE):
-            raise self._lacks(f"the actuator {name!r} has a gain that is not affine")
+            raise self._lacks(f"the actuator {name!r} has a gain that is not affine", "actuators")
         if bias not in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE):
-            raise self._lacks(f"the actuator {name!r} has a bias that is not affine")
+            raise self._lacks(f"the actuator {name!r} has a bias that is not affine", "actuators")
         control = self.controls.values[:, k]
         if model.actuator_ctrllimited[k] and self._is_on("CLAMPCTRL"):
             control = np.clip(control, *model.actuator_ctrlrange[k])
@@ -1287,10 +1353,12 @@ class _Reader:
             parts = parts + model.actuator_biasprm[k][:3]
         if model.actuator_forcelimited[k]:
             if parts[:, 1:].any():
-                raise self._lacks(f"the actuator {name!r} limits a force that changes")
+                raise self._lacks(f"the actuator {name!r} limits a force that changes", "actuators")
             parts[:, 0] = np.clip(parts[:, 0], *model.actuator_forcerange[k])
         if np.ptp(parts[:, 1:], axis=0).any():
-            raise self._lacks(f"the actuator {name!r} has a stiffness that its control changes")
+            raise self._lacks(
+                f"the actuator {name!r} has a stiffness that its control changes", "actuators"
+            )
         if not parts.any():
             return
         if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_SITE:
@@ -1303,7 +1371,9 @@ class _Reader:
         """Add a force on a site whose direction a site of the world gives."""
         model, (site, against) = self.model, map(int, self.model.actuator_trnid[k])
         if against < 0 or model.body_weldid[model.site_bodyid[against]] != 0:
-            raise self._lacks(f"the actuator {name!r} pushes a site in a direction that moves")
+            raise self._lacks(
+                f"the actuator {name!r} pushes a site in a direction that moves", "actuators"
+            )
         gear = np.array(model.actuator_gear[k])
         frame = np.array(self.data.site_xmat[against]).reshape(3, 3)
         force = frame @ gear[:3]
@@ -1311,7 +1381,8 @@ class _Reader:
         if off_plane or gear[3:].any() or parts[:, 1:].any() or np.ptp(parts[:, 0]):
             raise self._lacks(
                 f"the actuator {name!r} pushes a site otherwise than by a constant force in the "
-                "plane"
+                "plane",
+                "actuators",
             )
         body, at = self.home[int(model.site_bodyid[site])], self._at(self.data.site_xpos[site])
         if body != GROUND:
@@ -1331,29 +1402,44 @@ class _Reader:
                 return [(target, gear)]
             case kinds.mjTRN_TENDON:
                 wraps = self._wraps(target)
+                if self._has(tendon_actfrclimited=target):
+                    what = f"the tendon of the actuator {name!r} limits the force of its actuators"
+                    raise self._lacks(what, "actuators")
                 if any(model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT for w in wraps):
-                    raise self._lacks(f"the actuator {name!r} pulls a spatial tendon")
+                    raise self._lacks(f"the actuator {name!r} pulls a spatial tendon", "actuators")
                 if alone and len(wraps) > 1:
-                    raise self._lacks(f"the actuator {name!r} has a spring over several joints")
+                    raise self._lacks(
+                        f"the actuator {name!r} has a spring over several joints", "actuators"
+                    )
                 return [(int(model.wrap_objid[w]), gear * float(model.wrap_prm[w])) for w in wraps]
             case _:
-                raise self._lacks(f"the actuator {name!r} acts on no joint, fixed tendon or site")
+                raise self._lacks(
+                    f"the actuator {name!r} acts on no joint, fixed tendon or site", "actuators"
+                )
 
     def _add_effort(self, joint: int, name: str, weight: float, parts: FloatArray) -> None:
         """Add weight * (c0 + c1 l + c2 dl/dt) on a joint, with l = weight * qpos.
 
         `parts` are c0, c1 and c2 at the times of the controls, shape (m, 3); c1 and c2 stay.
         """
+        if self.model.jnt_actfrclimited[joint]:
+            what = f"the joint {self.made[joint].name!r} limits the force of its actuators"
+            raise self._lacks(what, "actuators")
         efforts = weight * parts[:, 0]
         slope, rate = (float(c) for c in weight * weight * parts[0, 1:])
         if slope > 0 or rate > 0:
-            raise self._lacks(f"{name!r} has a negative stiffness or damping")
+            raise self._lacks(f"{name!r} has a negative stiffness or damping", "actuators")
         if slope or rate:
             self._add_spring(self.made[joint], name, abs(slope), abs(rate), 0.0)
         if np.ptp(efforts):
             self._add_record(self.made[joint], name, efforts)
         elif efforts[0]:
             self._add_force(self.made[joint], name, float(efforts[0]))
+
+
+def _told(sine: float) -> str:
+    """The angle of a sine."""
+    return f"{np.arcsin(min(1.0, sine)):.2g} rad"
 
 
 def _vector(value: complex) -> Vector:
