@@ -143,10 +143,54 @@ def test_soft_limits_are_a_cause() -> None:
     """A slide that is pushed onto its limit: MuJoCo's gives way, the mechanism's does not."""
     text = oscillator("RK4", 0.002).replace("/><site", ' range="-1 0.2" limited="true"/><site')
     found = audited(text, 1.0, qpos=[-0.5])
-    soft = found.causes[-1]
+    *_, before, soft, _ = found.causes
     assert "softness" in soft.name
-    before = found.causes[-2].left or 0.0
-    assert (soft.left or 0.0) < 0.5 * before
+    assert (soft.left or 0.0) < 0.5 * (before.left or 0.0)
+
+
+def test_a_limit_rebounds_however_stiff_it_is() -> None:
+    """A free slide that meets its limit leaves it with exp(-2) of its speed; at rest it stays."""
+    text = oscillator("RK4", 1e-4, stiffness=0.0).replace(
+        "/><site", ' range="-1 0.2" limited="true" solreflimit="0.0002 1"/><site'
+    )
+    found = audited(text.replace('integrator="RK4"', 'integrator="RK4" gravity="0 0 0"'), 1.0,
+                    qvel=[1.0])  # fmt: skip
+    way = 0.8 * math.exp(-2.0)  # back, in the 0.8 s that are left
+    # With a time constant of two steps instead of none: RK4 keeps 0.113 of the speed, not 0.135.
+    assert found.given.error == pytest.approx(way, rel=0.2)
+    *_, softness, rebound = found.causes
+    assert "rebound" in rebound.name
+    # A damping ratio of 5 keeps less than a hundredth.
+    assert (rebound.left or 0.0) < 0.1 * (softness.left or 0.0)
+
+
+def test_no_motion_is_missed_where_sites_hardly_move() -> None:
+    """A site on the axis, one in the world, and a wheel whose centre of mass is on its axle."""
+    sites = '<site name="here" pos="0 0 0"/>'
+    wheel = (
+        '<mujoco model="wheel"><option timestep="0.01"/><worldbody><site name="target"/>'
+        '<body name="wheel"><inertial pos="0 0 0" mass="2" diaginertia="0.5 0.5 0.5"/>'
+        f'<joint name="j" axis="0 1 0" stiffness="8"/>{sites}</body></worldbody></mujoco>'
+    )
+    for text in (wheel, wheel.replace(sites, "")):
+        found = audited(text, 1.0, qpos=[0.5])
+        # Rate 4 /s and a radius of gyration of 0.5 m: Euler's error of the angle, at that radius.
+        angles = np.array([each.q[0] for each in found.samples])
+        assert found.size > 0.4
+        off = 0.5 * max(abs(2.0 * np.sin(0.5 * (a - 0.5 * math.cos(RATE * each.t))))
+                        for a, each in zip(angles, found.samples, strict=True))  # fmt: skip
+        assert found.given.error == pytest.approx(off, rel=1e-6)
+
+
+def test_a_start_off_an_equality_costs_no_run() -> None:
+    text = (
+        '<mujoco model="m"><worldbody><body name="b"><joint name="j" axis="0 1 0"/>'
+        '<geom size="0.1" pos="0.3 0 0"/><body name="c"><joint name="k" axis="0 1 0"/>'
+        '<geom size="0.1" pos="0.3 0 0"/></body></body></worldbody>'
+        '<equality><joint joint1="j" joint2="k"/></equality></mujoco>'
+    )
+    with pytest.raises(tb.InputError, match="leave the equalities out"):
+        audited(text, 1.0, qpos=[0.3, 0.0], progress=lambda *_: pytest.fail("a run was made"))
 
 
 def test_energy_is_off_as_the_rule_says() -> None:

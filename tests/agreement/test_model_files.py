@@ -378,7 +378,13 @@ def two_hinges(equality: str, tendons: str = "") -> str:
         (inline(""), "no joint"),
         (inline(HINGE.replace("/>", ' frictionloss="1"/>')), "--without friction-loss"),
         (inline(HINGE, '<option density="1"/>'), "--without fluid"),
-        (inline(HINGE.replace("/>", ' actuatorfrcrange="-1 1"/>')), "actuators"),
+        (
+            inline(
+                HINGE.replace("/>", ' actuatorfrcrange="-1 1"/>'),
+                '<actuator><position joint="j"/></actuator>',
+            ),
+            "limits the force of its actuators.*--without actuators",
+        ),
         (inline(HINGE + HINGE.replace('"j"', '"k"')), "'k'"),
         (
             inline(HINGE, '<actuator><general joint="j" dyntype="integrator"/></actuator>'),
