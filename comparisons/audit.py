@@ -315,6 +315,8 @@ def _refuse_open_start(mechanism: Mechanism) -> None:
     try:
         Problem(mechanism)
     except InputError as error:
+        if not mechanism.bound_by:
+            raise
         raise InputError(
             f"{error} Give a start that fits (qpos, or a keyframe), or leave the equalities out."
         ) from None
