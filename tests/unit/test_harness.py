@@ -578,7 +578,10 @@ def test_a_studys_mechanisms_have_one_name_each() -> None:
         tb.fixed(own),
         tb.rolling(own),
     )
-    assert Study(["fixed", tb.fixed(own)]).mechanisms == (tb.fixed(own),)
+    # Another one with a name that is there gets a number; the same one again is none.
+    both = Study(["fixed", tb.fixed(own), tb.fixed(), tb.fixed(own)]).mechanisms
+    assert [each.name for each in both] == ["fixed", "fixed 2"]
+    assert both == (tb.fixed(), tb.fixed(own).model_copy(update={"name": "fixed 2"}))
 
 
 def test_the_reference_is_evaluated_once_a_grid_for_metrics_and_pairs(
