@@ -70,6 +70,8 @@ _DIGITS = 1e-4  # [rad, m] keyframes are written with four digits
 _SAME_TIME = 1e-9  # [s]
 _MOST_TIMES = 1000  # of recorded controls, at which a reading is held against the model
 
+_OF_TENDONS = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "armature", "limited")
+
 _CONSTRAINTS = ("CONTACT", "EQUALITY", "FRICTIONLOSS", "LIMIT")
 
 _INTEGRATOR = "mjINT_"
@@ -623,7 +625,10 @@ class _Reader:
                 option.enableflags & getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0),
             ),
             ("plastic joints", getattr(model, "nplastic", 0) > 0),
-            ("actuators with a delay", np.any(getattr(model, "actuator_delay", 0))),
+            (
+                "actuators with a delay",
+                "actuators" not in self.without and np.any(getattr(model, "actuator_delay", 0)),
+            ),
             (
                 "actuators with several controls",
                 np.any(np.asarray(getattr(model, "actuator_ctrlnum", 1)) != 1),
@@ -1205,6 +1210,10 @@ class _Reader:
         """Add springs, dampers and limits of tendons."""
         model = self.model
         for k in range(model.ntendon):
+            name = self._mujoco_name("tendon", k)
+            if "tendons" in self.without:
+                self._leave_tendon_out(k, name)
+                continue
             limited = bool(model.tendon_limited[k]) and self._is_on("LIMIT")
             stiffness = float(model.tendon_stiffness[k]) if self._is_on("SPRING") else 0.0
             damping = float(model.tendon_damping[k]) if self._is_on("DAMPER") else 0.0
@@ -1215,17 +1224,19 @@ class _Reader:
                 ),
                 "an armature": self._has(tendon_armature=k),
             }
-            acts, name = bool(stiffness or damping or limited), self._mujoco_name("tendon", k)
-            if acts and "tendons" in self.without:
-                for what in ("stiffness", "damping", "limited"):
-                    getattr(model, f"tendon_{what}")[k] = 0
-                self.left_out.append(f"spring, damper and limit of the tendon {name!r}")
-                acts = False
             for what, is_there in unknown.items():
                 if is_there:
                     raise self._lacks(f"the tendon {name!r} has {what}", "tendons")
-            if acts:
+            if stiffness or damping or limited:
                 self._add_tendon(k, name, stiffness, damping, limited=limited)
+
+    def _leave_tendon_out(self, k: int, name: str) -> None:
+        parts = [getattr(self.model, f"tendon_{what}", None) for what in _OF_TENDONS]
+        there = [part for part in parts if part is not None and np.any(part[k])]
+        for part in there:
+            part[k] = 0
+        if there:
+            self.left_out.append(f"spring, damper, armature and limit of the tendon {name!r}")
 
     def _has(self, **numbers: int) -> bool:
         """Tell whether a field of the model, where its version has it, is not zero at an index."""

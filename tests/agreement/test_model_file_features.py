@@ -68,6 +68,21 @@ def test_a_drive_that_is_nonlinear_or_of_several_joints_is_refused() -> None:
             tb.from_mjcf(text)
 
 
+def test_what_tendons_and_delays_have_is_left_out_with_them() -> None:
+    motor = '<motor name="m" joint="one" delay="0.01" nsample="3"/>'
+    text = links(actuator=motor).replace(
+        "<actuator>",
+        '<tendon><fixed name="t" armature="0.2"><joint joint="one" coef="1"/>'
+        '<joint joint="two" coef="2"/></fixed></tendon><actuator>',
+    )
+    for without in ((), ("actuators",), ("tendons",)):
+        with pytest.raises(tb.UnsupportedProblemError, match=r"delay|'t' has an armature"):
+            tb.from_mjcf(text, without=without)
+    read = read_model_file(text, ModelStart(without=("actuators", "tendons")))
+    assert not read.mechanism.force_elements
+    assert sum("'t'" in what or "'m'" in what for what in read.left_out) == 2
+
+
 def test_actuators_of_a_disabled_group_do_nothing() -> None:
     servos = (
         '<position name="a" joint="one" kp="4" group="1"/>'
