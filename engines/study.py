@@ -339,8 +339,8 @@ class ModelStart:
     ctrl: Sequence[float] | ControlRecord | None = None
     """Controls, constant or recorded, in place of the keyframe's or of zeros."""
     without: Collection[str] = ()
-    """Features to leave out: "limits", "friction-loss", "fluid", "actuators", "equalities",
-    "tendons"."""
+    """Features to leave out: "contacts" of the file's own motion, too, "limits", "friction-loss",
+    "fluid", "actuators", "equalities", "tendons"."""
 
 
 @dataclass(frozen=True, eq=False)

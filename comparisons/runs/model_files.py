@@ -55,8 +55,8 @@ def from_mjcf(
         qpos, qvel: start, in place of the keyframe's or of `qpos0` at rest.
         ctrl: controls, in place of the keyframe's or of zeros: constant ones, or recorded ones that
             are held from each time to the next (a record, or the path of a .csv or .npz file).
-        without: features to leave out: "limits", "friction-loss", "fluid", "actuators",
-            "equalities", "tendons".
+        without: features to leave out: "contacts" of the file's own motion, too, "limits",
+            "friction-loss", "fluid", "actuators", "equalities", "tendons".
 
     Raises:
         InputError: the file or the start is not valid.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -83,9 +83,9 @@ _STIFFEST = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # MuJoCo clamps impedances there
 LEAVABLE = (
     "contacts", "limits", "friction-loss", "fluid", "actuators", "equalities", "tendons",
 )  # fmt: skip
-"""Words for the features that can be left out of a model: contacts, which always are; limits of
-joints; friction loss; the medium and its wind; actuators; equality constraints; springs, dampers
-and limits of tendons."""
+"""Words for the features that can be left out of a model: contacts, which no mechanism has, also
+where the file itself is moved; limits of joints; friction loss; the medium and its wind; actuators;
+equality constraints; springs, dampers, armature and limits of tendons."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ class PlanarModel:
             without = partial(replace, stiff=True)
             causes.append(ModelCause("softness of limits and equalities", change, without))
         if np.any(model.jnt_limited):
-            change = f"a damping ratio of {_NO_REBOUND:g} of the limits"
+            change = f"a time constant of two steps, and a damping ratio of {_NO_REBOUND:g}"
             causes.append(ModelCause("rebound of limits", change, partial(replace, damped=True)))
         return tuple(causes)
 
@@ -651,10 +651,10 @@ class _Reader:
             if is_there:
                 leave_out()
                 self.left_out.append(what)
-        if "contacts" in self.without:
-            self.left_out.append("contacts, also where the file is moved as it is")
-        elif self._has_contacts():
-            self.left_out.append("contacts: they may end what is compared")
+        if self._has_contacts():
+            ends = "contacts: they may end what is compared"
+            gone = "contacts, also where the file is moved as it is"
+            self.left_out.append(gone if "contacts" in self.without else ends)
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
 
     def _without_fluid(self) -> None:
@@ -713,13 +713,11 @@ class _Reader:
         for joint in hinges:
             off = float(np.linalg.norm(np.cross(self._axis(joint), plane.normal)))
             if off > _ALONG:
-                what = f"whose axis is not across the plane of the others: {_told(off)} off"
-                raise self._leaves(joint, what)
+                raise self._leaves(joint, "whose axis is not across the plane of the others", off)
         for joint in slides:
             off = abs(float(self._axis(joint) @ plane.normal))
             if off > _ALONG:
-                what = f"a slide that leaves the plane of the others: {_told(off)} off"
-                raise self._leaves(joint, what)
+                raise self._leaves(joint, "a slide that leaves the plane of the others", off)
         return plane.along(self._slides_of_a_free_body())
 
     def _normal(self, hinges: Sequence[int], slides: Sequence[int]) -> FloatArray:
@@ -752,11 +750,13 @@ class _Reader:
     def _axis(self, joint: int) -> FloatArray:
         return np.array(self.data.xaxis[joint])
 
-    def _leaves(self, joint: int, why: str) -> UnsupportedProblemError:
+    def _leaves(self, joint: int, why: str, sine: float | None = None) -> UnsupportedProblemError:
+        """Refusal of a joint, with the angle by which it leaves the plane, if that has a sine."""
+        off = "" if sine is None else f": {np.arcsin(min(1.0, sine)):.2g} rad off"
         body = self._mujoco_name("body", int(self.model.jnt_bodyid[joint]))
         return UnsupportedProblemError(
             f"{self.name!r} does not move in a plane: the body {body!r} has "
-            f"{self._mujoco_name('joint', joint)!r}, {why}."
+            f"{self._mujoco_name('joint', joint)!r}, {why}{off}."
         )
 
     def _mujoco_name(self, kind: str, index: int) -> str:
@@ -1186,9 +1186,13 @@ class _Reader:
                 self.left_out.append(f"actuator {name!r}")
                 continue
             self._add_drive(k, name)
-            disabled = int(model.opt.disableactuator) >> max(0, int(model.actuator_group[k])) & 1
-            if self._is_on("ACTUATION") and not disabled:
+            if self._is_on("ACTUATION") and not self._is_disabled(k):
                 self._add_actuator(k, name)
+
+    def _is_disabled(self, k: int) -> bool:
+        """Tell whether an actuator's group is disabled, as the first 31 can be."""
+        group, disabled = int(self.model.actuator_group[k]), int(self.model.opt.disableactuator)
+        return 0 <= group <= 30 and bool(disabled >> group & 1)
 
     def _add_drive(self, k: int, name: str) -> None:
         """Add an actuator's own inertia and damping, which act whether it is disabled or not."""
@@ -1373,10 +1377,27 @@ class _Reader:
         if not parts.any():
             return
         if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_SITE:
+            self._refuse_limited_forces(k, name, range(model.njnt))
             self._add_site_force(k, name, parts)
             return
-        for joint, weight in self._transmission(k, name, alone=bool(parts[0, 1:].any())):
+        joints = self._transmission(k, name, alone=bool(parts[0, 1:].any()))
+        self._refuse_limited_forces(k, name, (joint for joint, _ in joints))
+        for joint, weight in joints:
             self._add_effort(joint, f"{name} on {self._mujoco_name('joint', joint)}", weight, parts)
+
+    def _refuse_limited_forces(self, k: int, name: str, joints: Iterable[int]) -> None:
+        """Refuse an actuator whose force its tendon, or a joint that it moves, limits."""
+        model, kind = self.model, self.model.actuator_trntype[k]
+        limiting = [
+            f"the joint {self.made[joint].name!r}"
+            for joint in joints
+            if model.jnt_actfrclimited[joint]
+        ]
+        tendon = int(model.actuator_trnid[k][0])
+        if kind == mujoco.mjtTrn.mjTRN_TENDON and self._has(tendon_actfrclimited=tendon):
+            limiting.append(f"the tendon {self._mujoco_name('tendon', tendon)!r} of {name!r}")
+        if limiting:
+            raise self._lacks(f"{limiting[0]} limits the force of its actuators", "actuators")
 
     def _add_site_force(self, k: int, name: str, parts: FloatArray) -> None:
         """Add a force on a site whose direction a site of the world gives."""
@@ -1413,9 +1434,6 @@ class _Reader:
                 return [(target, gear)]
             case kinds.mjTRN_TENDON:
                 wraps = self._wraps(target)
-                if self._has(tendon_actfrclimited=target):
-                    what = f"the tendon of the actuator {name!r} limits the force of its actuators"
-                    raise self._lacks(what, "actuators")
                 if any(model.wrap_type[w] != mujoco.mjtWrap.mjWRAP_JOINT for w in wraps):
                     raise self._lacks(f"the actuator {name!r} pulls a spatial tendon", "actuators")
                 if alone and len(wraps) > 1:
@@ -1433,9 +1451,6 @@ class _Reader:
 
         `parts` are c0, c1 and c2 at the times of the controls, shape (m, 3); c1 and c2 stay.
         """
-        if self.model.jnt_actfrclimited[joint]:
-            what = f"the joint {self.made[joint].name!r} limits the force of its actuators"
-            raise self._lacks(what, "actuators")
         efforts = weight * parts[:, 0]
         slope, rate = (float(c) for c in weight * weight * parts[0, 1:])
         if slope > 0 or rate > 0:
@@ -1446,11 +1461,6 @@ class _Reader:
             self._add_record(self.made[joint], name, efforts)
         elif efforts[0]:
             self._add_force(self.made[joint], name, float(efforts[0]))
-
-
-def _told(sine: float) -> str:
-    """The angle of a sine."""
-    return f"{np.arcsin(min(1.0, sine)):.2g} rad"
 
 
 def _vector(value: complex) -> Vector:

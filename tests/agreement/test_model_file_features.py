@@ -90,6 +90,9 @@ def test_actuators_of_a_disabled_group_do_nothing() -> None:
     )
     text = links(actuator=servos, more='<option actuatorgroupdisable="2"/>')
     assert list(elements_of(text)) == ["a on one"]
+    # A group that is negative is none of those that can be disabled.
+    negative = text.replace('group="1"', 'group="-1"').replace('disable="2"', 'disable="0 2"')
+    assert list(elements_of(negative)) == ["a on one"]
 
 
 def test_a_body_without_mass_has_that_of_what_is_welded_to_it() -> None:
@@ -137,6 +140,28 @@ def test_a_limit_of_actuators_matters_where_one_acts() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="'one' limits the force"):
         tb.from_mjcf(links(joint=limited, actuator=servo))
     assert not elements_of(links(joint=limited, actuator=servo), without=("actuators",))
+
+
+def test_a_force_on_a_site_acts_on_every_joint() -> None:
+    """Also on one that limits what its actuators do to it."""
+    pushed = links(
+        joint='actuatorfrcrange="-1 1"',
+        inner=f'{LINK}<site name="tip"/>',
+        actuator='<general site="tip" refsite="there" gear="1 0 0 0 0 0"/>',
+    ).replace("<worldbody>", '<worldbody><site name="there"/>')
+    with pytest.raises(tb.UnsupportedProblemError, match="'one' limits the force"):
+        tb.from_mjcf(pushed, ctrl=[1e-3])
+    assert len(elements_of(pushed.replace('actuatorfrcrange="-1 1"', ""), ctrl=[1e-3])) == 1
+
+
+def test_a_limit_of_a_tendon_limits_forces_and_no_drive() -> None:
+    tendon = '<tendon><fixed name="t" actuatorfrcrange="-1 1"><joint joint="one" coef="2"/></fixed>'
+    text = links(actuator='<motor name="m" tendon="t" armature="0.1"/>').replace(
+        "<actuator>", f"{tendon}</tendon><actuator>"
+    )
+    assert elements_of(text)["m rotor"].inertia == pytest.approx(0.4)
+    with pytest.raises(tb.UnsupportedProblemError, match="'t' of 'm' limits the force"):
+        tb.from_mjcf(text, ctrl=[0.1])
 
 
 def test_a_start_with_four_digits_may_be_at_a_limit() -> None:
