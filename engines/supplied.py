@@ -92,11 +92,26 @@ class Assistance:
         return {self.option: self.off, **self.depending}
 
 
+def has_stops(mechanism: Mechanism) -> bool:
+    """Tell whether a mechanism has stops."""
+    return bool(mechanism.stops)
+
+
+def has_loops(mechanism: Mechanism) -> bool:
+    """Tell whether a mechanism has loops of joints, or couplers."""
+    return bool(mechanism.bound_by)
+
+
+def has_instants(mechanism: Mechanism) -> bool:
+    """Tell whether a recorded effort of a mechanism changes."""
+    return bool(mechanism.instants)
+
+
 _CONCERNED: Mapping[Part, Callable[[Mechanism], bool]] = {
-    Part.STOPS: lambda mechanism: bool(mechanism.stops),
-    Part.EVENTS: lambda mechanism: bool(mechanism.stops),
-    Part.IMPACTS: lambda mechanism: bool(mechanism.stops),
-    Part.LOOPS: lambda mechanism: bool(mechanism.bound_by),
+    Part.STOPS: has_stops,
+    Part.EVENTS: has_stops,
+    Part.IMPACTS: has_stops,
+    Part.LOOPS: has_loops,
     Part.ELEMENTS: lambda mechanism: bool(mechanism.force_elements),
 }
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import trebucheck as tb
 from mechanisms import pin
+from trebucheck.models.arrays import FloatArray
 
 MASS, INERTIA, GRAVITY = 2.5, 0.4, 9.81
 INSTANTS, EFFORTS = (0.0, 0.25, 0.4, 1.1), (3.0, -7.0, 0.0, 2.0)
@@ -35,6 +37,18 @@ def wheel(**changes: Any) -> tb.Mechanism:
         "start_speeds": (0.5,),
     }
     return tb.Mechanism(**(fields | changes))
+
+
+def summed(
+    times: FloatArray,
+    order: int,
+    instants: tuple[float, ...] = INSTANTS,
+    efforts: tuple[float, ...] = EFFORTS,
+) -> FloatArray:
+    """The record's integral over time, once or twice."""
+    jumps = np.diff(np.array(efforts), prepend=0.0)
+    since = np.maximum(times[:, None] - np.array(instants), 0.0)
+    return (jumps * since**order / order).sum(axis=1)
 
 
 def cart() -> tb.Mechanism:

@@ -478,7 +478,6 @@ class Builder:
         direction = np.kron(list(senses.values()), [0.0, 0.0, 1.0])
         mass = rotor.inertia * np.outer(direction, direction) + 0.0  # no zeros with a sign
         self.add(items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=mass))
-        self.system.rotors.append(rotor)
 
     def _along_slide(self, coordinate: str, **law: float) -> Any:
         """A connector along the line of a slide coordinate."""

@@ -20,7 +20,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
-from ..supplied import Assistance, Part, Supplied
+from ..supplied import Assistance, Part, Supplied, has_instants, has_loops, has_stops
 from ..units import scaled_units
 from .options import ExudynOptions
 from .study import STUDY
@@ -44,18 +44,6 @@ _ALONE: Mapping[str, object] = {
     "scaled_units": False,
 }
 """Options with which trebucheck takes no part in a run."""
-
-
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
-
-
-def _has_instants(mechanism: Mechanism) -> bool:
-    return bool(mechanism.instants)
-
-
-def _has_loops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.bound_by)
 
 
 class ExudynEngine(ExudynOptions, BuiltinEngine):
@@ -122,7 +110,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
             "own_limits",
             off=True,
             depending={"locate_releases": False},
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.IMPACTS,
@@ -130,21 +118,21 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
             "own_limits",
             off=True,
             depending={"locate_releases": False},
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.STOPS,
             "puts springs in balance in the place of stops",
             "stop_stiffness",
             off=None,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.EVENTS,
             "steps onto releases",
             "locate_releases",
             off=False,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.START,
@@ -157,7 +145,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
             "begins anew beside singular positions of loops, and goes over them",
             "restarts",
             off=False,
-            acts_on=_has_loops,
+            acts_on=has_loops,
         ),
         Assistance(
             Part.RESTARTS,
@@ -165,7 +153,7 @@ class ExudynEngine(ExudynOptions, BuiltinEngine):
             "own_limits",
             off=True,
             depending={"locate_releases": False},
-            acts_on=_has_instants,
+            acts_on=has_instants,
         ),
         Assistance(
             Part.SUBSTEPS,

@@ -274,7 +274,6 @@ class System:
         default_factory=dict[str, "Callable[[Values], FloatArray]"]
     )
     """Stretch of each spring of the mechanism by the sensors [m, rad], shape (n,)."""
-    rotors: list[elements.RotorInertia] = field(default_factory=list[elements.RotorInertia])
     records: list[tuple[elements.RecordedEffort, tuple[Any, ...], Callable[[Any], None]]] = field(
         default_factory=list[Any]
     )
@@ -377,12 +376,6 @@ ENERGIES: ElementTable[Callable[[Any, FloatArray], FloatArray]] = ElementTable(
 """Potential energy of a force element [J] by the stretch of its connector [m, rad], shape (n,)."""
 
 
-def _rotor_energy(rotor: elements.RotorInertia, values: Values) -> FloatArray:
-    """Kinetic energy of a rotor [J], shape (n,)."""
-    spin, other = (rotation(body, values, "Coordinates_t") for body in rotor.bodies)
-    return 0.5 * rotor.inertia * (spin - other) ** 2
-
-
 def coordinates(mechanism: Mechanism, values: Values, *, speeds: bool = False) -> FloatArray:
     """Coordinates q, or speeds u, by sensors, shape (n, n_q)."""
     quantity = "Coordinates_t" if speeds else "CoordinatesTotal"
@@ -459,7 +452,9 @@ def recording(
         markers[marker.name] = PointMotion(position, plane("marker", marker.name, "Velocity"))
 
     kinetic = [values(("body", body.name, "KineticEnergy"))[:, 0] for body in mechanism.bodies]
-    kinetic += [_rotor_energy(rotor, values) for rotor in system.rotors]
+    u, rotors = coordinates(mechanism, values, speeds=True), Kinematics(mechanism).rotor_inertias
+    if rotors is not None:
+        kinetic.append(0.5 * np.sum((u @ rotors) * u, axis=1))
     # Exudyn has no sensor of the potential energy.
     places = [plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
     heights = np.array(places) @ -np.array(mechanism.gravity_direction)
@@ -493,7 +488,7 @@ def recording(
     return Recording(
         t=times,
         q=coordinates(mechanism, values),
-        u=coordinates(mechanism, values, speeds=True),
+        u=u,
         markers=markers,
         kinetic_energy=np.sum(kinetic, axis=0),
         potential_energy=weight + sum(energies),

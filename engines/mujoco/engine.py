@@ -15,7 +15,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
-from ..supplied import Assistance, Part
+from ..supplied import Assistance, Part, has_stops
 from ..units import scaled_units
 from .options import MujocoOptions
 from .study import STUDY
@@ -35,16 +35,12 @@ _ALONE: Mapping[str, object] = {
 """Options with which trebucheck takes no part in a run."""
 
 
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
-
-
 def _has_points(mechanism: Mechanism) -> bool:
     return bool(mechanism.point_stops or mechanism.bound_by)
 
 
 def _has_constraints(mechanism: Mechanism) -> bool:
-    return _has_stops(mechanism) or _has_points(mechanism)
+    return has_stops(mechanism) or _has_points(mechanism)
 
 
 class MujocoEngine(MujocoOptions, BuiltinEngine):
@@ -103,14 +99,14 @@ class MujocoEngine(MujocoOptions, BuiltinEngine):
             "locates releases inside a step",
             "locate_releases",
             off=False,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.IMPACTS,
             "takes open limits out of the model, and resolves impacts with the mass matrix",
             "keep_limits",
             off=True,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.START,

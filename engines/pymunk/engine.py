@@ -12,7 +12,7 @@ from ...models.problem import Problem, StopLaw
 from ..inspection import Inspection, State
 from ..protocol import BuiltinEngine, Capabilities, Recording, built_features
 from ..study import EngineStudy
-from ..supplied import Assistance, Part, Supplied
+from ..supplied import Assistance, Part, Supplied, has_instants, has_stops
 from ..units import scaled_units
 from .options import (
     ALONE,
@@ -31,14 +31,6 @@ BUILT: frozenset[type] = COVERED_BY_FEATURES | {
 }
 """Classes that the tables of :mod:`.build` and :mod:`.alone` have a handler for; these need the
 library."""
-
-
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
-
-
-def _has_instants(mechanism: Mechanism) -> bool:
-    return bool(mechanism.instants)
 
 
 def _of_rods(part: Part, does: str, acts_on: Callable[[Mechanism], bool]) -> Assistance:
@@ -120,8 +112,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
             "builds pins, lines and stops as rods, of masses moved along pins",
             lambda _: True,
         ),
-        _of_rods(Part.EVENTS, "takes stops out of the model and puts them back", _has_stops),
-        _of_rods(Part.IMPACTS, "finds impacts inside a step and resolves them there", _has_stops),
+        _of_rods(Part.EVENTS, "takes stops out of the model and puts them back", has_stops),
+        _of_rods(Part.IMPACTS, "finds impacts inside a step and resolves them there", has_stops),
         _of_rods(
             Part.ELEMENTS,
             "gives dampers, springs on rods and cubic springs as forces of each step",
@@ -133,8 +125,8 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
             "impact to it",
             lambda _: True,
         ),
-        _of_rods(Part.RESTARTS, "begins anew where a recorded effort changes", _has_instants),
-        _of_rods(Part.TORQUES, "reads stop forces off the motion", _has_stops),
+        _of_rods(Part.RESTARTS, "begins anew where a recorded effort changes", has_instants),
+        _of_rods(Part.TORQUES, "reads stop forces off the motion", has_stops),
         Assistance(
             Part.START,
             "starts half a step ahead in velocity, and reads velocities between steps",
@@ -152,7 +144,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
             "releases a stop where its torque is foreseen to vanish",
             "locate_releases",
             off=False,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.MODEL,

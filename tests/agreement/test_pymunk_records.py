@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import records
 import trebucheck as tb
 from mechanisms import body_of, pin, slider_crank
+from records import INERTIA, push, record, summed
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.engines.presets import ASSISTED, DEFAULT, PRESETS, SETTINGS
 from trebucheck.models.elements import GROUND
@@ -17,7 +19,6 @@ from trebucheck.reference.solver import solve
 pytest.importorskip("pymunk")
 
 ALONE = (DEFAULT, SETTINGS)
-INERTIA = 0.4
 TIMES, EFFORTS = (0.0, 0.24, 0.4, 0.56), (3.0, -7.0, 0.0, 5.0)
 DURATION = 0.8
 STEPS = (4e-3, 2e-3, 1e-3)
@@ -27,28 +28,19 @@ ORDER = {DEFAULT: 1, SETTINGS: 1, ASSISTED: 2}
 
 def torque(body: str, **fields: Any) -> tb.RecordedTorque:
     """A record of torques that change their sign."""
-    made: dict[str, Any] = {"name": f"{body} motor", "body": body, "times": TIMES}
-    return tb.RecordedTorque(**(made | {"torques": EFFORTS} | fields))
+    made = {"name": f"{body} motor", "body": body, "times": TIMES, "torques": EFFORTS}
+    return record(**(made | fields))
 
 
 def force(body: str, **fields: Any) -> tb.RecordedForce:
     """A record of forces along the slide s."""
-    made: dict[str, Any] = {"name": f"{body} drive", "body": body, "times": TIMES}
-    return tb.RecordedForce(**(made | {"forces": EFFORTS, "coordinate": "s"} | fields))
+    made = {"name": f"{body} drive", "body": body, "times": TIMES, "forces": EFFORTS}
+    return push(**(made | fields))
 
 
 def wheel(**changes: Any) -> tb.Mechanism:
     """A balanced wheel: its speed changes by the record's integral."""
-    fields: dict[str, Any] = {
-        "name": "wheel",
-        "bodies": (body_of("wheel", "a", 2.5, (0.0, 0.0), INERTIA),),
-        "joints": (pin("axle", GROUND, "wheel"),),
-        "force_elements": (torque("wheel"),),
-        "gravity": 9.81,
-        "start": (0.3,),
-        "start_speeds": (0.5,),
-    }
-    return tb.Mechanism(**(fields | changes))
+    return records.wheel(**({"force_elements": (torque("wheel"),)} | changes))
 
 
 def arms(inertia: float = 0.05) -> tb.Mechanism:
@@ -202,20 +194,13 @@ def test_a_replay_that_is_half_a_step_late_is_not_of_second_order() -> None:
     assert not converges(found, ASSISTED)
 
 
-def summed(times: Any, order: int) -> Any:
-    """The record's integral over time, once or twice."""
-    jumps = np.diff(np.array(EFFORTS), prepend=0.0)
-    since = np.maximum(np.asarray(times)[:, None] - np.array(TIMES), 0.0)
-    return (jumps * since**order / order).sum(axis=1)
-
-
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_wheel_s_speed_has_the_record_s_impulse(preset: str) -> None:
     """To rounding, in each sample: a step has the effort with which it begins."""
     run = simulated(wheel(), preset, 2e-3)
-    speed = 0.5 + summed(run.t, 1) / INERTIA
+    speed = 0.5 + summed(run.t, 1, TIMES, EFFORTS) / INERTIA
     assert np.abs(run.u[:, 0] - speed).max() < 1e-12
-    angle = 0.3 + 0.5 * run.t + summed(run.t, 2) / INERTIA
+    angle = 0.3 + 0.5 * run.t + summed(run.t, 2, TIMES, EFFORTS) / INERTIA
     if preset != ASSISTED:  # a step moves the bodies with the speeds with which it begins
         angle -= 1e-3 * (run.u[:, 0] - 0.5)
     assert np.abs(run.q[:, 0] - angle).max() < 1e-12

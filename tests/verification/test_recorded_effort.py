@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 import trebucheck as tb
-from records import EFFORTS, INERTIA, INSTANTS, cart, push, record, wheel
+from records import EFFORTS, INERTIA, INSTANTS, cart, push, record, summed, wheel
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.kinematics import Kinematics
@@ -18,13 +18,6 @@ from trebucheck.reference.solver import solve
 from trebucheck.reference.taylor.solve import solve_taylor
 
 TIMES = np.linspace(0.0, 1.5, 61)
-
-
-def summed(times: np.ndarray[Any, Any], order: int) -> np.ndarray[Any, Any]:
-    """The record's integral over time, once or twice."""
-    steps = np.diff(np.array(EFFORTS), prepend=0.0)
-    since = np.maximum(times[:, None] - np.array(INSTANTS), 0.0)
-    return (steps * since**order / order).sum(axis=1)
 
 
 def test_a_wheel_turns_as_its_record_says() -> None:
