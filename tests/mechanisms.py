@@ -65,6 +65,19 @@ def misplaced(found: Trajectory, exact: Solution) -> float:
     return max(position_error(found, exact, marker.name) for marker in found.mechanism.markers)
 
 
+def errors_of(found: Trajectory, exact: Solution) -> dict[str, float]:
+    """Largest errors of coordinates, energies and forces of joints against the reference."""
+    there = exact.trajectory(found.t)
+    pairs = {
+        "q": (found.q, there.q),
+        "kinetic energy": (found.kinetic_energy, there.kinetic_energy),
+        "potential energy": (found.potential_energy, there.potential_energy),
+    }
+    for joint, force in there.joint_reactions.items():
+        pairs[joint] = found.joint_reactions[joint], force
+    return {name: float(np.abs(mine - its).max()) for name, (mine, its) in pairs.items()}
+
+
 # --- Parts
 # --------------------------------------------------------------------------------------------------
 

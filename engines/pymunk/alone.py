@@ -3,11 +3,14 @@
 A body is a `Body` with its mass and its moment about its centre of mass; bodies that are welded
 together are one. Then
 
-- a pin is a PivotJoint, a slot a GrooveJoint, an angle that a joint holds a GearJoint;
+- a pin is a PivotJoint, a slot a GrooveJoint, an angle that a joint holds a GearJoint, and so is a
+  coupler of two angles;
 - a stop on an angle is a RotaryLimitJoint, one on a point a Circle that collides with a Segment,
   whose elasticity is its restitution. Both stay in the space for the whole run;
 - springs are DampedSprings and DampedRotarySprings with their damping, one with a cubic term by its
-  `torque_func`; constant and recorded forces and torques are given to the bodies before each step.
+  `torque_func`; one along a slide is a DampedSpring to a point far away on the slide's line;
+- constant and recorded forces and torques are given to the bodies before each step;
+- a rotor whose angle is that of a body alone is a part of the body's moment.
 
 Chipmunk divides by a body's moment, so a point mass gets one by mass moved along its pin, which
 changes no motion (:mod:`..point_masses`). Angles of the mechanism are clockwise, Chipmunk's the
@@ -38,7 +41,7 @@ from ..events import ContactEvents, note_own_releases, whole_steps
 from ..point_masses import NoPointMasses, shared_inertia
 from ..protocol import Recording
 from ..reading import read_each_step, timed_reading
-from .bodies import Assembly, LumpedMass, placed_part, without_welds
+from .bodies import Assembly, LumpedMass, gear_of, placed_part, rotors_of, without_welds
 from .leapfrog import Stepper
 from .options import ERROR_BIAS, PymunkOptions
 from .read import MotionReading, forces_of, reading_of
@@ -100,8 +103,8 @@ class RecordedTwist:
 
 
 @dataclass(frozen=True)
-class RecordedPush:
-    """A recorded force on a body's point along an axis of another one, given before each step.
+class SlidePush:
+    """A force on a body's point along an axis of another one, given before each step.
 
     The other one, or the ground, gets the opposite at the same place.
     """
@@ -110,10 +113,15 @@ class RecordedPush:
     point: tuple[float, float]  # from the centre of mass, in the body's frame [m]
     base: str
     axis: tuple[float, float]  # in the base's frame
-    record: int  # number of the record
+    constant: float = 0.0  # [N]
+    record: int | None = None  # number of the record that it follows; None: it is constant
+
+    def force(self, efforts: Sequence[float]) -> float:
+        """The force with the efforts of the records in a step [N]."""
+        return self.constant if self.record is None else efforts[self.record]
 
 
-Load = PointForce | BodyTorque | RecordedTwist | RecordedPush
+Load = PointForce | BodyTorque | RecordedTwist | SlidePush
 
 
 @dataclass(frozen=True)
@@ -153,10 +161,10 @@ class DocumentedSpace:
                     body.torque += load.torque
                 case RecordedTwist():
                     body.torque += load.share * efforts[load.record]
-                case RecordedPush():
+                case SlidePush():
                     at = body.local_to_world(load.point)
                     base, _ = self.assembly.end(load.base, 0j)
-                    force = efforts[load.record] * pymunk.Vec2d(*load.axis).rotated(base.angle)
+                    force = load.force(efforts) * pymunk.Vec2d(*load.axis).rotated(base.angle)
                     body.apply_force_at_world_point(force, at)
                     if load.base != GROUND:
                         base.apply_force_at_world_point(-force, at)
@@ -206,9 +214,14 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
         part.body.angular_velocity += 0.0
         made.assembly.parts[body.name] = part
         space.add(part.body)
+    for index, inertia in rotors_of(rigid).items():
+        turning = (name for name, (angle, _) in rigid.attitudes.items() if angle == index)
+        made.assembly.parts[next(turning)].body.moment += inertia
     builder = _Builder(made, options)
     for joint in rigid.joints:
         JOINT_BUILDERS[joint](builder, joint)
+    for coupler in rigid.couplers:
+        builder.add(gear_of(coupler, made.assembly))
     for stop in rigid.stops:
         add_stop = STOP_BUILDERS[stop]
         if stop.body != stop.relative_to:  # else within one rigid body
@@ -276,6 +289,7 @@ class _Builder:
         self.hold_angle(joint)
 
     def hold_angle(self, joint: elements.AnyJoint) -> None:
+        """Add a gear for an angle that a joint holds."""
         if joint.turned_by is not None:
             (a, _), (b, _) = (self.assembly.end(name, 0j) for name in (joint.parent, joint.child))
             turns = round((b.angle - a.angle + joint.turned_by) / (2 * math.pi))
@@ -358,15 +372,38 @@ class _Builder:
 
     def add_recorded_force(self, element: elements.RecordedForce) -> None:
         """Add a record, and a load on the body and the one that it slides on."""
-        slide = self.assembly.rigid.slide(element.slide)
-        joint, axis = slide.joint, complex(slide.direction)
-        _, point = self.assembly.end(joint.child, complex(*joint.child_point))
-        self.made.loads.append(
-            RecordedPush(
-                joint.child, point, joint.parent, (axis.real, axis.imag), len(self.made.records)
-            )
-        )
+        self.push_along(element.slide, record=len(self.made.records))
         self.made.records.append(element)
+
+    def add_slide_spring(self, element: elements.SlideSpringDamper) -> None:
+        """Add a spring to a point of the slide's line, so far that it is never pushed beyond it."""
+        slide = self.assembly.rigid.slide(element.slide)
+        joint = slide.joint
+        if element.stiffness or element.damping:
+            if len(joint.free_directions) > 1:
+                raise UnsupportedProblemError(
+                    f"our adapter builds springs along slides as pymunk's DampedSprings, which act "
+                    f"between points; {element.name!r} acts on {joint.child!r}, which moves across "
+                    "the slide as well."
+                )
+            start = element.rest_position - _LENGTH
+            far = complex(*joint.parent_point) + start * slide.direction
+            a, anchor_a = self.assembly.end(joint.parent, far)
+            b, anchor_b = self.assembly.end(joint.child, complex(*joint.child_point))
+            law = _LENGTH, element.stiffness, element.damping
+            self.space.add(constraints.DampedSpring(a, b, anchor_a, anchor_b, *law))
+        if element.force:
+            self.push_along(element.slide, element.force)
+
+    def push_along(self, coordinate: str, constant: float = 0.0, record: int | None = None) -> None:
+        slide = self.assembly.rigid.slide(coordinate)
+        joint, axis = slide.joint, (slide.direction.real, slide.direction.imag)
+        _, point = self.assembly.end(joint.child, complex(*joint.child_point))
+        load = SlidePush(joint.child, point, joint.parent, axis, constant, record)
+        self.made.loads.append(load)
+
+    def add_rotor(self, element: elements.RotorInertia) -> None:
+        """Add nothing: the bodies' moments have it."""
 
 
 JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
@@ -378,8 +415,8 @@ JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.SlotJoint: _Builder.add_groove,
         elements.PrismaticJoint: _Builder.add_groove,
         elements.FreeJoint: _Builder.add_nothing,
+        elements.TranslationJoint: _Builder.hold_angle,
     },
-    {elements.TranslationJoint: "our adapter builds no joint that holds an angle alone"},
 )
 STOP_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk by itself",
@@ -397,12 +434,10 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.ConstantTorque: _Builder.add_torque,
         elements.RecordedTorque: _Builder.add_recorded_torque,
         elements.RecordedForce: _Builder.add_recorded_force,
+        elements.SlideSpringDamper: _Builder.add_slide_spring,
+        elements.RotorInertia: _Builder.add_rotor,
     },
-    {
-        elements.RotorInertia: "our adapter adds no inertia between two bodies",
-        elements.SlideInertia: "our adapter adds no inertia between two bodies",
-        elements.SlideSpringDamper: "our adapter builds no springs along slides",
-    },
+    {elements.SlideInertia: "our adapter adds no inertia along slides"},
 )
 
 

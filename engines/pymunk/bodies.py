@@ -18,6 +18,7 @@ by one that moves in the same way (equal mass, first and second moment about its
   parent has less.
 - bodies that turn together (prismatic joints) share their inertia evenly, for only its sum counts:
   a slider may be a point mass. Those that do not turn at all get an infinite one.
+- a rotor whose angle is that of a body alone is a part of that body's inertia.
 """
 
 from __future__ import annotations
@@ -291,15 +292,17 @@ def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
     """Parts in the order of the bodies of a mechanism without welds in its tree, at its start.
 
     Raises:
-        UnsupportedProblemError: a body has no inertia and is no bob.
+        UnsupportedProblemError: a body has no inertia and is no bob, or a rotor turns with the
+            angle between two bodies.
     """
     kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
     masses: dict[str, LumpedMass] = {}
+    rotors = rotors_of(mechanism)
     together: dict[int | None, list[Body]] = {}
     for body in mechanism.bodies:
         together.setdefault(mechanism.attitudes[body.name][0], []).append(body)
     for index, group in together.items():
-        total = math.fsum(body.inertia for body in group)
+        total = math.fsum([*(body.inertia for body in group), rotors.get(index, 0.0)])
         inertia = math.inf if index is None else total / len(group)
         for body in group:
             masses[body.name] = LumpedMass(body.mass, complex(*body.centre), inertia)
@@ -322,6 +325,53 @@ def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
 
         parts.append(placed_part(kinematics, (q, u), body.name, mass, turns=turns))
     return parts[::-1]
+
+
+def rotors_of(mechanism: Mechanism) -> Mapping[int | None, float]:
+    """Inertia of rotors by the index of the angle that they turn with [kg m^2].
+
+    Raises:
+        UnsupportedProblemError: a rotor turns with the angle between two bodies that both turn.
+    """
+    found: dict[int | None, float] = {}
+    for rotor in mechanism.force_elements:
+        if not isinstance(rotor, elements.RotorInertia):
+            continue
+        ends = {None if name == GROUND else mechanism.attitudes[name][0] for name in rotor.bodies}
+        turning = ends - {None}
+        if len(turning) > 1:
+            raise UnsupportedProblemError(
+                f"our adapter builds rotors as a part of a body's moment in pymunk; {rotor.name!r} "
+                f"turns with the angle between {' and '.join(map(repr, rotor.bodies))}, which both "
+                "turn."
+            )
+        if len(ends) > 1:
+            (index,) = turning
+            found[index] = found.get(index, 0.0) + rotor.inertia
+    return found
+
+
+def gear_of(coupler: elements.Coupler, assembly: Assembly) -> constraints.GearJoint:
+    """The GearJoint that holds an angle to another one, or to the ground's.
+
+    Raises:
+        UnsupportedProblemError: the coupler has slides, or more than two angles.
+    """
+    mechanism = assembly.rigid
+    of_angle = {body.angle: body.name for body in mechanism.bodies if body.angle is not None}
+    followed = {term.coordinate: term.ratio for term in coupler.terms if term.ratio}
+    if len(followed) > 1 or not {coupler.coordinate, *followed} <= set(of_angle):
+        raise UnsupportedProblemError(
+            f"our adapter builds couplers as pymunk's GearJoints, which hold one angle to another; "
+            f"{coupler.name!r} holds {coupler.coordinate!r} to "
+            f"{', '.join(map(repr, followed)) or 'a constant'}."
+        )
+    (a, _), (b, ratio) = assembly.end(of_angle[coupler.coordinate], 0j), (GROUND, 1.0)
+    for name, of_name in followed.items():
+        b, ratio = of_angle[name], of_name
+    # It holds ratio * angle of b - angle of a at the phase; both are the opposites of clockwise
+    # ones.
+    return constraints.GearJoint(a, assembly.end(b, 0j)[0], coupler.offset, ratio)
 
 
 def placed_part(
@@ -356,6 +406,8 @@ def _is_bob(mechanism: Mechanism, body: str, mass: LumpedMass) -> bool:
         end.parent == body and (end.free_directions or end.holds_angle) for end in mechanism.joints
     )
     guides |= any(loop.child == body and loop.holds_angle for loop in loops)
+    angle = mechanism.body(body).angle
+    guides |= any(angle in coupler.coordinates for coupler in mechanism.couplers)
     guides |= any(wall.relative_to == body for wall in walls)
     if guides or not is_pin(joint) or same_point(mass.centre, complex(*joint.child_point)):
         return False

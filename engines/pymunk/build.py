@@ -5,12 +5,15 @@ Bodies that are welded together are one; :mod:`.bodies` says how each body is re
 - a pin is a PivotJoint, or two rods (PinJoints) from the pin to two points of the body;
 - a point on a line (a slot, a wall) hangs on a rod across the line, whose anchor moves along in the
   frame of the body with the line;
-- what holds an angle (a prismatic joint, a weld that closes a loop, a stop) is a GearJoint;
-- a free joint is nothing.
+- what holds an angle (a prismatic joint, a weld that closes a loop, a stop) is a GearJoint, and so
+  is a coupler of two angles;
+- a free joint is nothing, nor is one that leaves a body two slides: it does not turn in Chipmunk
+  either.
 
-Springs are DampedSprings and DampedRotarySprings without damping: their impulses are those of the
-force at a step's end position, as the leapfrog needs it. What has no such element, or none of
-second order, is a load (:mod:`.loads`).
+Rotors that turn with the angle of a body are a part of its moment. Springs are DampedSprings and
+DampedRotarySprings without damping: their impulses are those of the force at a step's end position,
+as the leapfrog needs it. What has no such element, or none of second order, is a load
+(:mod:`.loads`).
 
 Chipmunk's angles are counter-clockwise, the mechanism's clockwise. Local points are complex numbers
 a + i b.
@@ -32,8 +35,8 @@ from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
-from .bodies import Assembly, Rod, is_brace, parts_of, same_point, without_welds
-from .loads import Combination, EngineAngle, RodAngle, Term, pull, slide_force, twist
+from .bodies import Assembly, Rod, gear_of, is_brace, parts_of, same_point, without_welds
+from .loads import Combination, EngineAngle, Line, RodAngle, Term, pull, slide_force, twist
 
 _SLIDING_LENGTH = 1.0  # [m] length of the rod that keeps a point on a line
 
@@ -58,6 +61,8 @@ def build(
         TREE_JOINT_BUILDERS[joint](builder, joint)
     for joint in rigid.loop_joints:
         LOOP_JOINT_BUILDERS[joint](builder, joint)
+    for coupler in rigid.couplers:
+        builder.add(gear_of(coupler, assembly))
     for stop in rigid.stops:
         build_stop = STOP_BUILDERS[stop]
         if not stop.closed:
@@ -113,7 +118,7 @@ class _Builder:
     # --- Joints
 
     def add_nothing(self, joint: elements.FreeJoint | elements.WeldJoint) -> None:
-        """Add no constraint for a free joint, nor for a weld of the tree: its bodies are one."""
+        """Add no constraint: the body is free, turns by no means, or is one with its parent."""
 
     def add_tree_pin(self, joint: elements.PinJoint) -> None:
         """Add a rod to a bob, else a pivot."""
@@ -252,11 +257,30 @@ class _Builder:
 
     def recorded_force(self, element: elements.RecordedForce) -> None:
         """Add a load of the one force of its record."""
-        slide = self.mechanism.slide(element.slide)
-        point = self.point(slide.joint.child, complex(*slide.joint.child_point))
-        base = self.assembly.parts.get(slide.joint.parent)  # none: the ground
-        axis, body = slide.direction, base and base.body
-        self.assembly.loads.append(slide_force(point, body, axis, element.value))
+        force = element.value
+        self.add_slide_force(element.slide, lambda _slide, _rate: force)
+
+    def slide_spring(self, element: elements.SlideSpringDamper) -> None:
+        """Add a load: Chipmunk's springs act between points, not along a line."""
+        stiffness, damping = element.stiffness, element.damping
+        rest, constant = element.rest_position, element.force
+
+        def force(slide: float, rate: float) -> float:
+            return constant - stiffness * (slide - rest) - damping * rate
+
+        self.add_slide_force(element.slide, force)
+
+    def add_slide_force(self, coordinate: str, force: Callable[[float, float], float]) -> None:
+        slide = self.mechanism.slide(coordinate)
+        joint = slide.joint
+        base = self.assembly.parts.get(joint.parent)  # none: the ground
+        origin = self.point(joint.parent, complex(*joint.parent_point))
+        line = Line(base and base.body, origin, slide.direction)
+        point = self.point(joint.child, complex(*joint.child_point))
+        self.assembly.loads.append(slide_force(force, point, line))
+
+    def add_rotor(self, element: elements.RotorInertia) -> None:
+        """Add nothing: the bodies' moments have it (:func:`.bodies.rotors_of`)."""
 
     def point_spring(self, element: elements.SpringDamper) -> None:
         """Add Chipmunk's spring where it has both points; else, and of the damper, a load."""
@@ -357,8 +381,8 @@ TREE_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = el
         elements.SlotJoint: _Builder.add_slide,
         elements.PrismaticJoint: _Builder.add_slide,
         elements.FreeJoint: _Builder.add_nothing,
+        elements.TranslationJoint: _Builder.add_nothing,
     },
-    {elements.TranslationJoint: "our adapter builds no joint that holds an angle alone"},
 )
 LOOP_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk's loops",
@@ -392,10 +416,8 @@ FORCE_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.ConstantTorque: _Builder.constant_torque,
         elements.RecordedTorque: _Builder.recorded_torque,
         elements.RecordedForce: _Builder.recorded_force,
+        elements.SlideSpringDamper: _Builder.slide_spring,
+        elements.RotorInertia: _Builder.add_rotor,
     },
-    {
-        elements.RotorInertia: "our adapter adds no inertia between two bodies",
-        elements.SlideInertia: "our adapter adds no inertia between two bodies",
-        elements.SlideSpringDamper: "our adapter builds no springs along slides",
-    },
+    {elements.SlideInertia: "our adapter adds no inertia along slides"},
 )

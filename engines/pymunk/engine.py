@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
-from ...models.elements import CubicTorsionSpring, RecordedForce, RecordedTorque
+from ...models.elements import (
+    Coupler,
+    CubicTorsionSpring,
+    RecordedForce,
+    RecordedTorque,
+    RotorInertia,
+    SlideSpringDamper,
+    TranslationJoint,
+)
 from ...models.features import COVERED_BY_FEATURES
 from ...models.mechanism import Mechanism
 from ...models.problem import Problem, StopLaw
@@ -25,9 +33,13 @@ from .options import (
 from .study import STUDY
 
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {
+    Coupler,
     CubicTorsionSpring,
     RecordedForce,
     RecordedTorque,
+    RotorInertia,
+    SlideSpringDamper,
+    TranslationJoint,
 }
 """Classes that the tables of :mod:`.build` and :mod:`.alone` have a handler for; these need the
 library."""
@@ -49,8 +61,10 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
 
     By itself (:mod:`.alone`) it has the elements of its documentation, and they stay as they are:
     PivotJoints, GrooveJoints and GearJoints; RotaryLimitJoints for stops on angles, which have no
-    restitution; circles that collide with segments for stops on points; springs with their damping.
-    Recorded efforts are forces given before each step: those of its beginning.
+    restitution; circles that collide with segments for stops on points; springs with their damping,
+    those along a slide to a point of its line that is far away. Recorded efforts are forces given
+    before each step: those of its beginning. Couplers of two angles are GearJoints; rotors whose
+    angle is that of one body are a part of its moment.
     A limit has no force in a step that begins without an error, as does every start; a stop is read
     as released at the end of the first step without one. A GrooveJoint takes the component across
     its line of an impulse that would hold the point in both directions, so that a point beside the
@@ -116,7 +130,7 @@ class PymunkEngine(PymunkOptions, BuiltinEngine):
         _of_rods(Part.IMPACTS, "finds impacts inside a step and resolves them there", has_stops),
         _of_rods(
             Part.ELEMENTS,
-            "gives dampers, springs on rods and cubic springs as forces of each step",
+            "gives dampers, cubic springs, springs on rods or along slides as forces of each step",
             lambda mechanism: bool(mechanism.force_elements),
         ),
         _of_rods(

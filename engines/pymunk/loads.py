@@ -2,7 +2,8 @@
 
 Chipmunk adds `body.force` and `body.torque` to a step's impulses at its end position and then sets
 them to zero, so they are set before every step: constant forces and torques, and those of dampers.
-A record of efforts is constant here: a run begins anew where one changes (:mod:`.motion`).
+A record of efforts is constant here: a run begins anew where one changes (:mod:`.motion`). Springs
+along slides are forces as well: Chipmunk's act between points.
 Chipmunk's own dampers slow bodies down by a factor exp(-c h / m) after all other forces of the
 step, which is of first order. Here a damper's force is that of the speeds at the step's end
 position, which the leapfrog has half a step later: they are extrapolated from the last two half
@@ -184,19 +185,35 @@ def twist(
     return act
 
 
-def slide_force(point: Combination, base: pymunk.Body | None, axis: complex, force: float) -> Load:
-    """A force [N] on a point along an axis of a body, and the opposite on that body there.
+@dataclass(frozen=True)
+class Line:
+    """A line of a body along which a point of another one slides."""
 
-    Without a body it is an axis of the ground.
+    body: pymunk.Body | None  # None: a line of the ground
+    origin: Combination  # point of the line where the slide is 0
+    axis: complex  # its direction in the body's frame
+
+
+def slide_force(force: Callable[[float, float], float], point: Combination, line: Line) -> Load:
+    """A force on a point along a line, and the opposite on the line's body there.
+
+    By the slide [m] and its rate [m/s], [N].
     """
 
     def act(bodies: LoadedBodies) -> None:
-        if base is None:
-            point.push(bodies, force * axis)
-            return
-        pose, (place, _) = bodies.pose(base), point.place_and_speed(bodies)
-        along = force * axis * cmath.exp(1j * pose.angle)
+        axis, spin = line.axis, 0.0
+        if line.body is not None:
+            pose = bodies.pose(line.body)
+            axis, spin = axis * cmath.exp(1j * pose.angle), pose.spin
+        (place, speed), (origin, origin_speed) = (
+            each.place_and_speed(bodies) for each in (point, line.origin)
+        )
+        slide = axis.conjugate() * (place - origin)
+        rate = axis.conjugate() * (speed - origin_speed) - 1j * spin * slide
+        along = force(slide.real, rate.real) * axis
         point.push(bodies, along)
-        bodies.add(base, -along, -((place - pose.position).conjugate() * along).imag)
+        if line.body is not None:
+            arm = place - bodies.pose(line.body).position
+            bodies.add(line.body, -along, -(arm.conjugate() * along).imag)
 
     return act

@@ -27,6 +27,7 @@ from pymunk import constraints
 from scipy.optimize import brentq
 
 from ...models.arrays import FloatArray, as_vectors
+from ...models.elements import RotorInertia
 from ...models.elements.recorded_effort import ROUNDED
 from ...models.errors import SimulationError
 from ...models.kinematics import Kinematics, initial_state
@@ -48,6 +49,7 @@ from ..events import (
 from ..impact import Inertia, mass_matrix, pushing
 from ..protocol import Recording
 from ..reading import timed_reading
+from ..supplied import has_loops
 from .build import build
 from .leapfrog import STARTED, STEP, Stepper, settled_increment
 from .options import PymunkOptions
@@ -111,7 +113,7 @@ def _active_at_start(mechanism: Mechanism, h: float, pivot_mass: float) -> Conta
         """A touching stop that would have to pull, or would close."""
         assembly = build(mechanism, active, 0.0, pivot_mass)
         stepper = Stepper(assembly, h, hold_lengths=True)
-        stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=bool(mechanism.loop_joints))
+        stepper.start(_TRIAL_ITERATIONS, leapfrog=True, settle=has_loops(mechanism))
         reading = MotionReading(assembly, stepper.samples(0))
         _, forces = forces_of(reading, tuple(assembly.stops))
         torques = {name: float(torque[0]) for name, torque in forces.items()}
@@ -161,7 +163,7 @@ class SteppedSegment:
         if closed:
             _, passes = self._convergence(*initial_state(mechanism))
         # Stops that meet the joints as well as a trebuchet's do start with the option's passes.
-        settle = closed and (bool(mechanism.loop_joints) or passes > options.iterations)
+        settle = closed and (has_loops(mechanism) or passes > options.iterations)
         stepper.start(max(options.start_iterations, passes), options.leapfrog, settle)
         if not options.leapfrog:
             # The first step has no impulses to start from; a leapfrog has found them at the start.
@@ -211,7 +213,7 @@ class SteppedSegment:
     def _checks_passes(self) -> bool:
         """Tell whether steps have the passes that loops need: if joints keep their lengths."""
         # An active stop closes a loop as a joint does.
-        closed = bool(self.assembly.mechanism.loop_joints or self.assembly.stops)
+        closed = has_loops(self.assembly.mechanism) or bool(self.assembly.stops)
         return self.options.hold_lengths and closed
 
     def _convergence(self, q: FloatArray, u: FloatArray) -> tuple[Convergence | None, int]:
@@ -561,7 +563,8 @@ def resolve_impact(
     Raises:
         SimulationError: the impulses do not converge, or no set of contacts takes part.
     """
-    weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": ()})
+    rotors = tuple(each for each in placed.force_elements if isinstance(each, RotorInertia))
+    weightless = placed.model_copy(update={"gravity": 0.0, "force_elements": rotors})
     attempts: list[tuple[Mapping[str, float], Collection[str]]] = [(restitution, ())]
     if held:
         attempts.insert(0, (restitution, held))

@@ -111,7 +111,7 @@ def _rates(joint: constraints.Constraint) -> list[_Rates]:
     a, b = joint.a, joint.b
     match joint:
         case constraints.GearJoint():
-            return [{a: (0.0, 0.0, -1.0), b: (0.0, 0.0, 1.0)}]
+            return [{a: (0.0, 0.0, -1.0), b: (0.0, 0.0, joint.ratio)}]
         case constraints.PinJoint() | constraints.PivotJoint():
             arm_a, arm_b = (
                 complex(*anchor) * cmath.exp(1j * body.angle)

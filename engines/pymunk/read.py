@@ -8,6 +8,8 @@ solution of G^T lam = r, with the residual r of the equations of motion without 
 
     r_k = for an angle, the couple on the bodies that turn with it beyond gravity, force elements
           and the tree's forces; for a slide, the force along it.
+
+Couplers hold angles here, by couples on their bodies.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from ...models.spec import Vector
 from ...models.trajectory import PointMotion
 from ..events import Contacts
 from ..impact import mass_matrix
+from ..supplied import has_loops
 from .bodies import Assembly, BodyPart, is_pin
 
 _SINGULAR = 1e-10  # of the largest singular value: dependent constraints share their force
@@ -171,6 +174,9 @@ class MotionReading:
             potential -= body.mass * (centre * weight.conjugate()).real
         if self.mechanism.force_elements:
             potential += self._applied.potential_energy(self.motion[0])
+        rotors, (_, speeds, _) = self._applied.kinematics.rotor_inertias, self.motion
+        if rotors is not None:
+            kinetic += 0.5 * np.sum((speeds @ rotors) * speeds, axis=-1)
         return kinetic, potential
 
     @cached_property
@@ -198,9 +204,10 @@ class MotionReading:
     def applied_couples(self) -> FloatArray:
         """Couples of the force elements on the bodies of each angle [N m], (n, n_angles).
 
-        Their generalized forces, less those of the same forces at the centres.
+        Their generalized forces, those of rotors included, less those of the same forces at the
+        centres.
         """
-        kinematics, (q, u, _) = self._applied.kinematics, self.motion
+        kinematics, (q, u, a) = self._applied.kinematics, self.motion
         couples, rates = np.zeros(q.shape), kinematics.rates(q)
         for at, applied in self._stages():
             couples[at] = applied.generalized(q[at], u[at])
@@ -208,6 +215,8 @@ class MotionReading:
             if body.name in self.applied_on_bodies:
                 force = self.applied_on_bodies[body.name].conj()[:, None]
                 couples -= (force * kinematics.gradient(centre, q, rates)).real
+        if kinematics.rotor_inertias is not None:
+            couples -= a @ kinematics.rotor_inertias
         return couples[:, : len(self.mechanism.angles)]
 
     def gaps(self) -> dict[str, FloatArray]:
@@ -262,7 +271,7 @@ def forces_of(
     # A stop's torque is known from the body farther out, but not those of two stops from one body.
     outer = {_outer(reading, stop) for stop in mechanism.angle_stops if stop.name in active}
     one_by_one = not (points or turn_together) and len(outer) == len(active)
-    if not mechanism.loop_joints and (not active or one_by_one):
+    if not has_loops(mechanism) and (not active or one_by_one):
         reactions = _tree_reactions(reading, needed)
         return reactions, _angle_torques(reading, reactions, active)
 
@@ -276,6 +285,8 @@ def forces_of(
             next(multipliers)  # a couple
         _act(needed, joint.child, -force)
         _act(needed, joint.parent, force)
+    for _ in mechanism.couplers:
+        next(multipliers)  # a couple
     torques = dict(zip(active, multipliers, strict=True))
     for stop in points:
         push = reading.frames[stop.relative_to].world(complex(*stop.normal)) * torques[stop.name]
@@ -352,7 +363,7 @@ def _couple(reading: MotionReading, name: str, reactions: _Forces) -> FloatArray
 
 
 def _multipliers(reading: MotionReading, needed: _Forces, active: Contacts) -> FloatArray:
-    """Multipliers of the loop joints' components, then of the active stops, (n, n_constraints).
+    """Multipliers of the loop joints' components, couplers, active stops, (n, n_constraints).
 
     Errors of r are those of accelerations times the mass matrix M, so the inverse of M is their
     weight: the equation of a light body determines a small force better than that of a heavy one

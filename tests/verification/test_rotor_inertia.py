@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import chain
+from mechanisms import chain, errors_of, rod_pendulum
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mjcf.writer import mjcf
@@ -163,9 +163,47 @@ def test_exudyn_s_program_has_it() -> None:
     assert np.abs(names["q"] - engine.simulate(problem).q).max() < 1e-13
 
 
-def test_an_engine_without_it_refuses_it_by_name() -> None:
-    with pytest.raises(tb.UnsupportedProblemError, match="rotor of upper"):
-        tb.engine("pymunk").simulate(tb.Problem(geared(), duration=0.1))
+@pytest.mark.parametrize("preset", ["default", "settings", "assisted"])
+@pytest.mark.parametrize("inertias", [(0.1, 0.2), (0.0, 0.0)], ids=["bodies", "point masses"])
+def test_pymunk_has_it_as_moment_of_a_body(preset: str, inertias: tuple[float, float]) -> None:
+    rotors = rotor("upper"), rotor("lower", inertia=0.21)
+    mechanism = chain(inertias=inertias, force_elements=rotors, start_speeds=(0.5, -2.0))
+    assert check_model(tb.engine("pymunk", preset), mechanism).holds
+    exact = solve(tb.Problem(mechanism, duration=0.5))
+    order = 2 if preset == "assisted" else 1
+    coarse, fine = (
+        errors_of(tb.engine("pymunk", preset, timestep=h).simulate(exact.problem), exact)
+        for h in (1e-3, 5e-4)
+    )
+    compared = coarse if preset == "assisted" else ("q", "kinetic energy")
+    for name in compared:
+        assert coarse[name] / fine[name] == pytest.approx(2**order, rel=0.15), name
+
+
+def test_pymunk_s_stops_feel_it() -> None:
+    """A rotor on the ground is inertia of its body: in impacts, torques and releases, too."""
+    stop = tb.Stop(name="stop", body="rod", sense=-1, limit=-1.2, closed=False, restitution=0.5)
+    light = rod_pendulum(stop)
+    (rod,) = light.bodies
+    heavy = rod.model_copy(update={"inertia": rod.inertia + ROTOR})
+    with_rotor = light.model_copy(update={"force_elements": (rotor("rod"),)})
+    law: dict[str, Any] = {"duration": 2.5, "stop_law": tb.StopLaw.UNILATERAL}
+    found, expected = (
+        tb.engine("pymunk").simulate(tb.Problem(each, **law))
+        for each in (with_rotor, light.model_copy(update={"bodies": (heavy,)}))
+    )
+    assert len(expected.impacts) > 2
+    assert found.q == pytest.approx(expected.q, abs=1e-12)
+    assert found.stop_torques["stop"] == pytest.approx(expected.stop_torques["stop"], abs=1e-9)
+    for (time, impulses), (there, others) in zip(found.impacts, expected.impacts, strict=True):
+        assert time == pytest.approx(there, abs=1e-12)
+        assert impulses["stop"] == pytest.approx(others["stop"], rel=1e-9)
+
+
+@pytest.mark.parametrize("preset", ["settings", "assisted"])
+def test_pymunk_refuses_it_between_two_bodies_that_turn(preset: str) -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="'rotor of lower' turns with the angle"):
+        tb.engine("pymunk", preset).simulate(tb.Problem(geared(), duration=0.1))
 
 
 def test_a_negative_inertia_is_refused() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import pin
+from mechanisms import errors_of, pin
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.kinematics import Kinematics
@@ -160,9 +160,54 @@ def test_exudyn_has_it_between_two_frames(mechanism: tb.Mechanism) -> None:
         assert found.joint_reactions[joint][5:] == pytest.approx(force[5:], abs=0.05), joint
 
 
-def test_pymunk_refuses_it_by_name() -> None:
-    with pytest.raises(tb.UnsupportedProblemError, match="spring of s"):
-        tb.engine("pymunk").simulate(tb.Problem(cart(), duration=0.1))
+@pytest.mark.parametrize("mechanism", [cart(), bead_on_an_arm()], ids=lambda m: m.name)
+def test_pymunk_has_it_as_a_force_of_each_step(mechanism: tb.Mechanism) -> None:
+    assert check_model(tb.engine("pymunk"), mechanism).holds
+    exact = solve(tb.Problem(mechanism, duration=0.3))
+    coarse, fine = (
+        errors_of(tb.engine("pymunk", timestep=h).simulate(exact.problem), exact)
+        for h in (2e-3, 1e-3)
+    )
+    # The leapfrog's order; the cart's rail carries its weight at any step.
+    for name, error in coarse.items():
+        assert fine[name] < 1e-9 or error / fine[name] == pytest.approx(4, rel=0.1), name
+
+
+@pytest.mark.parametrize("preset", ["default", "settings"])
+def test_pymunk_by_itself_has_it_as_a_spring_to_a_point_far_away(preset: str) -> None:
+    for mechanism in (cart(), bead_on_an_arm()):
+        assert check_model(tb.engine("pymunk", preset), mechanism).holds
+        problem, names = tb.Problem(mechanism, duration=0.3), dict[str, Any]()
+        engine = tb.engine("pymunk", preset, timestep=1e-3)
+        exec(engine.script(problem), names)
+        assert np.array_equal(names["q"], engine.simulate(problem).q)
+    exact = solve(tb.Problem(cart(), duration=0.4))
+    coarse, fine = (
+        errors_of(tb.engine("pymunk", preset, timestep=h).simulate(tb.Problem(cart(), 0.3)), exact)
+        for h in (2e-3, 1e-3)
+    )
+    assert coarse["q"] / fine["q"] == pytest.approx(2, rel=0.1)
+
+
+@pytest.mark.parametrize("preset", ["settings", "assisted"])
+@pytest.mark.parametrize("field", ["stiffness", "damping", "force", "rest_position"])
+def test_a_wrong_law_is_seen_in_what_pymunk_has_built(preset: str, field: str) -> None:
+    class Wrong(type(tb.engine("pymunk", preset))):  # type: ignore[misc]
+        def inspect(self, mechanism: tb.Mechanism, states: Any) -> Any:
+            (law,) = mechanism.force_elements
+            law = law.model_copy(update={field: getattr(law, field) + 1e-3})
+            changed = mechanism.model_copy(update={"force_elements": (law,)})
+            return super().inspect(changed, states)
+
+    engine = Wrong(**dict(tb.engine("pymunk", preset)))
+    assert not check_model(engine, bead_on_an_arm()).holds
+
+
+def test_pymunk_by_itself_refuses_it_where_the_body_moves_across_the_slide() -> None:
+    table = tb.TranslationJoint(name="table", child="cart", coordinates=("s", "r"))
+    free = cart(joints=(table,), start=(0.1, 0.2))
+    with pytest.raises(tb.UnsupportedProblemError, match="'spring of s' acts on 'cart'"):
+        tb.engine("pymunk", "settings").simulate(tb.Problem(free, duration=0.1))
 
 
 def test_several_on_a_slide_add_up() -> None:
