@@ -10,14 +10,14 @@ import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
-from trebucheck_planck.bridge import PLANCK
+from trebucheck_planck.engine import PlanckEngine
 
 FREE_SWING = tb.Problem(tb.fixed().model_copy(update={"stops": ()}), duration=2.0)
 
 
 def test_the_defaults_are_planck_js_own() -> None:
     """Those of a world that sets nothing; `step` has no step size but that of HelloWorld.ts."""
-    own = PLANCK.run(
+    own = PlanckEngine.npm.run(
         """
         import * as planck from "planck";
         const world = new planck.World(), body = world.createDynamicBody();
@@ -37,7 +37,9 @@ def test_the_defaults_are_planck_js_own() -> None:
         "position": default.position_iterations,
     }
     assert default.first_iterations == default.velocity_iterations
-    example = (PLANCK.folder / "node_modules" / "planck" / "HelloWorld.ts").read_text("utf-8")
+    example = (PlanckEngine.npm.folder / "node_modules" / "planck" / "HelloWorld.ts").read_text(
+        "utf-8"
+    )
     (step,) = re.findall(r"var timeStep = ([0-9.]+) / ([0-9.]+);", example)
     assert float(step[0]) / float(step[1]) == default.timestep
     # The program sets none of them.
@@ -148,6 +150,31 @@ def test_a_limit_that_holds_from_one_side_lets_go_by_the_correction_of_pins() ->
     )
 
 
+@pytest.mark.parametrize("preset", ["settings", "assisted"])
+def test_a_stop_behind_another_one_has_no_torque(preset: str) -> None:
+    rod = tb.Body(name="rod", angle="a", mass=1.0, centre=(0.5, 0.0), inertia=0.1)
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0, 0), child_point=(0, 0)
+    )
+    near, far = (
+        tb.Stop(name=name, body="rod", sense=-1, limit=-angle, closed=False)
+        for name, angle in (("near", 0.5), ("far", 0.9))
+    )
+    made = tb.Mechanism(
+        name="between stops",
+        bodies=(rod,),
+        joints=(pin,),
+        stops=(far, near),
+        gravity=9.81,
+        start=(0.0,),
+    )
+    problem = tb.Problem(made, duration=1.0, stop_law=tb.StopLaw.UNILATERAL)
+    torques = tb.engine("planck", preset).simulate(problem).stop_torques
+    weight = 0.5 * 9.81 * np.cos(0.5)
+    assert torques["near"][-1] == pytest.approx(weight, rel=1e-3)
+    assert not torques["far"].any()
+
+
 def test_a_stop_that_is_met_stops_what_meets_it() -> None:
     """The unilateral law, over more than a turn, without a rebound: the rod then rests on its
     stop."""
@@ -220,4 +247,4 @@ def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(tb.EngineNotInstalledError, match=r"no program `node` is on the path\.$"):
         tb.engine("planck").simulate(FREE_SWING)
-    assert PLANCK.version() == "not installed"
+    assert PlanckEngine.npm.version() == "not installed"

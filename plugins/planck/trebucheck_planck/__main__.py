@@ -1,5 +1,5 @@
 """Install planck.js by npm in the version of node/package.json: `python -m trebucheck_planck`."""
 
-from .bridge import PLANCK
+from .engine import PlanckEngine
 
-PLANCK.install()
+PlanckEngine.npm.install()

@@ -1,59 +1,95 @@
-"""planck.js: Cartesian bodies, joints and limits by sequential impulses, double precision."""
+"""planck.js: Cartesian bodies, joints and limits by sequential impulses, double precision.
+
+A body is a dynamic body with its mass data, a pin a revolute joint, a slot a wheel joint without a
+spring, a slider a prismatic joint, a weld a weld joint. A stop is the limit of a revolute joint; by
+itself it stays there for the whole run, and those that a release-once law leaves out are left out.
+With assistance a stop that pushes is held from both sides, and limits go with their stops.
+planck.js's springs are soft joints, given by a frequency of whatever mass they hold, not by a
+stiffness; so springs, dampers and motors are forces and torques given to the bodies before each
+step.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import ClassVar
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
-from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.point_masses import spread_masses, spreads_masses
-from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+import numpy as np
+from pydantic import Field
+from trebucheck.engines.protocol import Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, Supplied
+from trebucheck.engines.supplied import Assistance, Part, has_stops
+from trebucheck.models.arrays import FloatArray
 from trebucheck.models.features import Basic, Feature
-from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT
-from trebucheck_toolkit.node_samples import NodeSamples, sample_times
-from trebucheck_toolkit.node_scene import Json, NodeScene
+from trebucheck.models.spec import Positive
+from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
+from trebucheck_toolkit.node_engine import ALONE, NodeEngine
+from trebucheck_toolkit.node_package import NodePackage
+from trebucheck_toolkit.node_scene import NodeScene, lawful_stops
 
-from .alone import run_alone, script
-from .bridge import PLANCK
-from .inspect import inspect
-from .motion import recording
-from .options import OWN_SLOPS, PlanckOptions
 from .study import STUDY
 
-_ALONE: Mapping[str, object] = {
-    "hold": False,
-    "keep_limits": True,
-    "least_inertia": None,
-    "fit_steps": False,
+OWN: Mapping[str, Any] = {
+    "timestep": 1 / 60,
+    "first_iterations": 8,
+    "velocity_iterations": 8,
+    "position_iterations": 3,
+    "linear_slop": 5e-3,
+    "angular_slop": 2.0 / 180.0 * math.pi,
+    "allow_sleep": True,
 }
-"""Options with which trebucheck takes no part in a run."""
+"""planck.js's own options; `step` has no step size of its own: that of its HelloWorld.ts."""
+_ALONE: Mapping[str, object] = {**ALONE, "hold": False, "keep_limits": True}
+_Iterations = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
-
-
-class PlanckEngine(PlanckOptions, BuiltinEngine):
+class PlanckEngine(NodeEngine):
     """planck.js's world in Node.js.
-
-    By itself (:mod:`.alone`) the limit of every stop stays in its joint, and bodies are those of
-    the mechanism; point masses, which planck.js would never turn, have an inertia by mass moved
-    along their pins. With assistance a stop that pushes is held from both sides, limits go with
-    their stops, and every body has some inertia. With every preset springs, dampers and motors are
-    forces and torques that are given to the bodies before each step, as planck.js's own springs are
-    soft joints, which have a frequency and no stiffness.
 
     Raises:
         InputError: an option is unknown or outside its range.
     """
 
+    timestep: Positive = Field(default=1e-4, le=1.0, description="step size [s]")
+    velocity_iterations: _Iterations = Field(
+        default=30, description="of the impulses of the joints, each step"
+    )
+    first_iterations: _Iterations = Field(
+        default=3000,
+        description="those of the first step, which begins without impulses of one before",
+    )
+    position_iterations: _Iterations = Field(
+        default=30,
+        description="of the correction of the joints' drift, each step; it ends within the slops",
+    )
+    linear_slop: Positive = Field(
+        default=1e-9, le=1.0, description="drift of joints that is let be [m]"
+    )
+    angular_slop: Positive = Field(
+        default=1e-9, le=0.1, description="drift of angles and limits that is let be [rad]"
+    )
+    allow_sleep: bool = Field(
+        default=False, description="let bodies that hardly move for half a second stand still"
+    )
+    hold: bool = Field(
+        default=True,
+        description="whether a stop that pushes is held from both sides until it would pull: the "
+        "correction of pins turns bodies, and opens a limit that holds from one side",
+    )
+    keep_limits: KeepLimits = False
+
+    npm: ClassVar[NodePackage] = NodePackage(
+        "planck.js", "planck", module="trebucheck_planck", folder=Path(__file__).parent / "node"
+    )
     name: ClassVar[str] = "planck"
     package: ClassVar[str] = "trebucheck-planck"
     tables: ClassVar[EngineStudy] = STUDY
+    reads_back: ClassVar[bool] = True
+    slop: ClassVar[float] = OWN["angular_slop"]
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=True,
@@ -64,17 +100,7 @@ class PlanckEngine(PlanckOptions, BuiltinEngine):
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {
-        **_ALONE,
-        # `step` has no step size of its own: that of planck.js's HelloWorld.ts.
-        "timestep": 1 / 60,
-        "first_iterations": 8,
-        "velocity_iterations": 8,
-        "position_iterations": 3,
-        "linear_slop": OWN_SLOPS["linearSlop"],
-        "angular_slop": OWN_SLOPS["angularSlop"],
-        "allow_sleep": True,
-    }
+    default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
@@ -82,67 +108,46 @@ class PlanckEngine(PlanckOptions, BuiltinEngine):
             "holds a stop from both sides while it pushes, and lets it go where it would pull",
             "hold",
             off=False,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         LIMITS_TAKEN_OUT,
-        Assistance(
-            Part.MODEL,
-            "moves mass along pins to bodies of little inertia",
-            "least_inertia",
-            off=None,
-            acts_on=spreads_masses,
-        ),
-        Assistance(
-            Part.SUBSTEPS,
-            "shortens the steps, so that a whole number of them fits",
-            "fit_steps",
-            off=False,
-        ),
+        *(NodeEngine.assistance or ()),
     )
-    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
-    @classmethod
-    def is_installed(cls) -> bool:
-        """Tell whether Node.js is on the path and planck.js beside this package."""
-        return PLANCK.is_installed()
+    @property
+    def _moves_limits(self) -> bool:
+        """Whether limits change in a run; the program then tells the torque of each stop."""
+        return self.hold or not self.keep_limits
 
-    @classmethod
-    def version(cls) -> str:
-        """Version of planck.js's npm package; 'not installed' if there is none."""
-        return PLANCK.version()
+    def _values(self, scene: NodeScene) -> Mapping[str, Any]:
+        del scene
+        slops = {"linearSlop": "linear_slop", "angularSlop": "angular_slop"}
+        given = {name: getattr(self, option) for name, option in slops.items()}
+        return {
+            "slops": {name: given[name] for name in slops if given[name] != OWN[slops[name]]},
+            "moves_limits": self._moves_limits,
+        }
 
-    @classmethod
-    def absence(cls) -> str:
-        """Missing program or package and how to install it, in one sentence."""
-        return PLANCK.absence()
+    def _torques(
+        self, problem: Problem, scene: NodeScene, told: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        if not self._moves_limits:
+            return super()._torques(problem, scene, told)
+        return dict(zip([stop.name for stop in lawful_stops(problem)], told.T, strict=True))
 
     def _run(self, problem: Problem) -> Recording:
-        if not self.assisted_by:
-            return run_alone(problem, self)
-        spread = spread_masses(problem.mechanism, self.least_inertia, self.name)
-        scene = NodeScene(spread.mechanism, self.name)
-        t = sample_times(problem.duration, self.timestep, fit=self.fit_steps)
-        step = problem.duration / (len(t) - 1) if self.fit_steps else self.timestep
-        described = scene.description(problem, step, len(t) - 1)
-        described["once"] = described["once"] and not self.keep_limits
-        moved = PLANCK.move(described | self._settings())
-        return recording(NodeSamples(scene, t, moved), spread, problem)
+        found = super()._run(problem)
+        if not (self.assisted_by and np.any(problem.mechanism.start_speeds)):
+            return found
+        # Impulses bring the velocities of the step before, along its directions, into those of this
+        # one; the first step's already are, so that it tells nothing of centripetal forces.
+        return replace(
+            found,
+            joint_reactions=_first_repeated(found.joint_reactions),
+            stop_torques=_first_repeated(found.stop_torques),
+        )
 
-    def _script(self, problem: Problem) -> str:
-        return script(problem, self)
 
-    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Masses, inertias, anchors and gravity of the built world, and what follows from them."""
-        self.refuse_absence()
-        return inspect(mechanism, states, self._settings())
-
-    def _settings(self) -> Json:
-        return {
-            "firstIterations": self.first_iterations,
-            "velocityIterations": self.velocity_iterations,
-            "positionIterations": self.position_iterations,
-            "linearSlop": self.linear_slop,
-            "angularSlop": self.angular_slop,
-            "allowSleep": self.allow_sleep,
-            "hold": self.hold,
-        }
+def _first_repeated(forces: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Forces whose first sample has the second one's."""
+    return {name: np.concatenate([force[1:2], force[1:]]) for name, force in forces.items()}

@@ -1,5 +1,5 @@
 """Install Rapier by npm in the version of node/package.json: `python -m trebucheck_rapier`."""
 
-from .bridge import RAPIER
+from .engine import RapierEngine
 
-RAPIER.install()
+RapierEngine.npm.install()

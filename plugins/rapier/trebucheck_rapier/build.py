@@ -1,4 +1,4 @@
-"""The scene of a mechanism for node/move.cjs; Rapier has no joint that both slides and turns."""
+"""The scene of a mechanism for Rapier, which has no joint that both slides and turns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene
 
 
-class Built(NodeScene):
+class RapierScene(NodeScene):
     """A mechanism's scene; carriages of slots come after its bodies."""
 
     def __init__(self, mechanism: Mechanism, carriage: float | None) -> None:

@@ -1,66 +1,91 @@
-"""Rapier 2D: Cartesian bodies, joints and limits by impulses in substeps, single precision."""
+"""Rapier 2D: Cartesian bodies, joints and limits by impulses in substeps, single precision.
+
+A body is a dynamic body with additional mass properties, a pin a revolute joint, a slider a
+prismatic joint, a weld a fixed joint, all of them impulse joints: multibody joints have a damping
+of their own, which the interface cannot take out. A stop is the limit of a revolute joint; by
+itself it is set once and stays there for the whole run, and those that a release-once law leaves
+out are left out. With assistance limits are moved to where Rapier knows their angles and go with
+their stops, and slots have carriages (:mod:`.build`). Springs, dampers and motors are forces and
+torques given to the bodies before each step.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import ClassVar
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
-from trebucheck.engines.point_masses import spread_masses, spreads_masses
-from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+import numpy as np
+from pydantic import Field
+from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, Supplied
+from trebucheck.engines.supplied import Assistance, Part, has_stops
 from trebucheck.models.elements import SlotJoint
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
-from trebucheck_toolkit.gap_releases import OPENING, releases
-from trebucheck_toolkit.node_samples import NodeSamples, sample_times
-from trebucheck_toolkit.node_scene import joint_limits
+from trebucheck_toolkit.gap_releases import OPENING
+from trebucheck_toolkit.node_engine import ALONE, NodeEngine
+from trebucheck_toolkit.node_package import NodePackage
+from trebucheck_toolkit.node_scene import NodeScene, joint_limits
 
-from .alone import run_alone, script
-from .bridge import RAPIER
-from .build import Built
-from .options import OWN, RapierOptions
+from .build import RapierScene
 from .study import STUDY
 
-_ALONE: Mapping[str, object] = {
-    "least_inertia": None,
-    "carriage": None,
-    "move_limits": False,
-    "opening": None,
-    "fit_steps": False,
+OWN: Mapping[str, Any] = {
+    "timestep": float(np.float32(1 / 60)),  # a number of single precision
+    "substeps": 4,
+    "passes": 1,
+    "allow_sleep": True,
 }
-"""Options with which trebucheck takes no part in a run."""
+"""Rapier's own options."""
+_ALONE: Mapping[str, object] = {**ALONE, "carriage": None, "move_limits": False, "opening": None}
 
 
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
-
-
-def _has_slots(mechanism: Mechanism) -> bool:
-    return any(isinstance(joint, SlotJoint) for joint in mechanism.joints)
-
-
-class RapierEngine(RapierOptions, BuiltinEngine):
+class RapierEngine(NodeEngine):
     """Rapier's world with impulse joints in Node.js.
-
-    Its multibody joints are no choice: they have a damping of their own, which its interface cannot
-    take out.
-
-    By itself (:mod:`.alone`) limits are set once, and bodies are those of the mechanism; point
-    masses, which Rapier would never turn, have an inertia by mass moved along their pins. With
-    assistance limits are moved to where Rapier knows their angles and go with their stops, slots
-    have carriages, and every body has some inertia. With every preset springs, dampers and motors
-    are forces and torques that are given to the bodies before each step.
 
     Raises:
         InputError: an option is unknown or outside its range.
     """
 
+    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=8,
+        description="of a step, each with its own impulses (Rapier's numSolverIterations)",
+    )
+    passes: Annotated[int, Field(ge=1, le=10_000)] = Field(
+        default=4, description="over all joints in a substep (Rapier's numInternalPgsIterations)"
+    )
+    allow_sleep: bool = Field(
+        default=False, description="let bodies that hardly move for some time stand still"
+    )
+    carriage: Annotated[float | None, Field(gt=0.0, le=1.0)] = Field(
+        default=1e-3,
+        description="mass of the body that runs in a slot, as a part of that of the body it "
+        "carries: Rapier has no joint that both slides and turns; None: no slots",
+    )
+    move_limits: bool = Field(
+        default=True,
+        description="put the nearest stop of a pin where Rapier's angle of it is zero, and its "
+        "limit on within a quarter turn: Rapier knows an angle within half a turn",
+    )
+    opening: Annotated[float | None, Field(gt=0.0, le=0.1)] = Field(
+        default=1e-4,
+        description="gap at which a stop that releases for good is taken out [rad]; its release is "
+        "looked back for. None: every stop stays for the whole run",
+    )
+
+    npm: ClassVar[NodePackage] = NodePackage(
+        "Rapier 2D",
+        "@dimforge/rapier2d-compat",
+        module="trebucheck_rapier",
+        folder=Path(__file__).parent / "node",
+    )
     name: ClassVar[str] = "rapier"
     package: ClassVar[str] = "trebucheck-rapier"
     tables: ClassVar[EngineStudy] = STUDY
+    reads_back: ClassVar[bool] = True
+    roundoff: ClassVar[float] = 2.0**-24
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=False,
         joint_gaps=True,
@@ -72,49 +97,32 @@ class RapierEngine(RapierOptions, BuiltinEngine):
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
         features=frozenset(Feature) - {Feature.MOVING_WALL},
     )
-    default_options: ClassVar[Mapping[str, object] | None] = {
-        **_ALONE,
-        **OWN,
-        "allow_sleep": True,
-    }
+    default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, "timestep": 2.5e-4}
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
-        Assistance(
-            Part.MODEL,
-            "moves mass along pins to bodies of little inertia",
-            "least_inertia",
-            off=None,
-            acts_on=spreads_masses,
-        ),
+        *(NodeEngine.assistance or ()),
         Assistance(
             Part.MODEL,
             "runs a small body in each slot, which the other one is pinned to",
             "carriage",
             off=None,
-            acts_on=_has_slots,
+            acts_on=lambda mechanism: any(isinstance(j, SlotJoint) for j in mechanism.joints),
         ),
         Assistance(
             Part.MODEL,
             "turns the frames of a joint to its nearest stop, and has its limit on near to it",
             "move_limits",
             off=False,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.EVENTS,
             "takes the limits of stops that are open for good out of the model",
             "opening",
             off=None,
-            acts_on=_has_stops,
-        ),
-        Assistance(
-            Part.SUBSTEPS,
-            "shortens the steps, so that a whole number of them fits",
-            "fit_steps",
-            off=False,
+            acts_on=has_stops,
         ),
     )
-    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
     @property
     def lacking(self) -> frozenset[Basic | Feature]:
@@ -122,43 +130,19 @@ class RapierEngine(RapierOptions, BuiltinEngine):
         slots = frozenset[Basic | Feature]({Basic.SLOT, Feature.MOVING_SLOT})
         return slots if self.carriage is None else frozenset()
 
-    @classmethod
-    def is_installed(cls) -> bool:
-        """Tell whether Node.js is on the path and Rapier beside this package."""
-        return RAPIER.is_installed()
+    @property
+    def release_gap(self) -> float:  # type: ignore[override]
+        """That at which stops are taken out, if they are [rad]."""
+        return self.opening or OPENING
 
-    @classmethod
-    def version(cls) -> str:
-        """Version of Rapier's npm package; 'not installed' if there is none."""
-        return RAPIER.version()
+    def _scene(self, mechanism: Mechanism) -> NodeScene:
+        return RapierScene(mechanism, self.carriage)
 
-    @classmethod
-    def absence(cls) -> str:
-        """Missing program or package and how to install it, in one sentence."""
-        return RAPIER.absence()
+    def _limits(
+        self, problem: Problem, scene: NodeScene
+    ) -> dict[int, tuple[float | None, float | None]]:
+        return joint_limits(problem, scene, within_half_a_turn=not self.move_limits)
 
-    def _run(self, problem: Problem) -> Recording:
-        if not self.assisted_by:
-            return run_alone(problem, self)
-        spread = spread_masses(problem.mechanism, self.least_inertia, self.name)
-        built = Built(spread.mechanism, self.carriage)
-        t = sample_times(problem.duration, self.timestep, fit=self.fit_steps)
-        step = problem.duration / (len(t) - 1) if self.fit_steps else self.timestep
-        if not self.move_limits:  # those that cannot be set once are refused
-            joint_limits(problem, built, within_half_a_turn=True)
-        scene = built.description(problem, step, len(t) - 1) | {
-            "substeps": self.substeps,
-            "passes": self.passes,
-            "canSleep": self.allow_sleep,
-            "moveLimits": self.move_limits,
-            "opening": self.opening or 0.0,
-        }
-        scene["once"] = scene["once"] and self.opening is not None
-        samples = NodeSamples(built, t, RAPIER.move(scene))
-        found = samples.recording()
-        potential = found.potential_energy - spread.extra_potential_energy
-        times = releases(samples, self.opening or OPENING)
-        return replace(found, potential_energy=potential, release_times=times)
-
-    def _script(self, problem: Problem) -> str:
-        return script(problem, self)
+    def _values(self, scene: NodeScene) -> Mapping[str, Any]:
+        del scene
+        return {"own": OWN}

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from trebucheck.models.errors import SimulationError
-from trebucheck_toolkit.node_package import SCENE, NodePackage
+from trebucheck_toolkit.node_package import ARRAYS, NodePackage
 
 
 @pytest.fixture
@@ -64,36 +64,35 @@ def test_npm_installs_in_the_folder_and_its_exit_code_is_told(package: NodePacka
     assert (package.folder / "asked").read_text() == 2 * f"install in {package.folder}\n"
 
 
-def test_what_programs_share_is_installed() -> None:
-    assert "module.exports" in SCENE.read_text()
+def test_what_programs_write_arrays_with_is_installed() -> None:
+    assert "module.exports" in ARRAYS.read_text()
 
 
-def test_samples_are_what_the_program_writes_of_the_scene(package: NodePackage) -> None:
-    samples = np.arange(6.0).reshape(3, 2) / 7
-    scene = {"steps": 2, "bodies": ["arm"]}
-    shape = json.dumps({"samples": samples.shape}).encode() + b"\n"
-    (package.folder / "samples").write_bytes(shape + samples.astype("<f8").tobytes())
+def test_arrays_are_those_that_the_program_writes(package: NodePackage) -> None:
+    states = np.arange(6.0).reshape(3, 2) / 7
+    shape = json.dumps({"states": states.shape}).encode() + b"\n"
+    (package.folder / "states").write_bytes(shape + states.astype("<f8").tobytes())
     # It does not end by itself: what it has written is enough.
     program(
         package,
         "node",
-        f"PATH={os.defpath}; cat > asked; echo $1 $2 >> asked; cat samples; sleep 600",
+        f"PATH={os.defpath}; cat > asked; echo $1 $2 > arguments; cat states; sleep 600",
     )
-    assert np.array_equal(package.move(scene), samples)
-    text, command = (package.folder / "asked").read_text().split("}")
-    assert json.loads(text + "}") == scene and command.split() == ["move.cjs", str(SCENE)]
+    assert np.array_equal(package.arrays("run();")["states"], states)
+    assert (package.folder / "asked").read_text() == "run();"
+    assert (package.folder / "arguments").read_text().split() == ["--input-type=module", "-"]
 
 
 def test_a_program_that_fails_is_an_error_with_its_last_words(package: NodePackage) -> None:
     program(package, "node", "echo the cubes are gone >&2; exit 1")
     with pytest.raises(SimulationError, match="Cube 2D failed: the cubes are gone"):
-        package.move({"steps": 2})
+        package.arrays("run();")
 
 
-def test_a_program_that_ends_within_its_samples_is_an_error(package: NodePackage) -> None:
-    program(package, "node", """echo '{"samples": [3, 2]}'; echo out of cubes >&2; exit 1""")
+def test_a_program_that_ends_within_its_arrays_is_an_error(package: NodePackage) -> None:
+    program(package, "node", """echo '{"states": [3, 2]}'; echo out of cubes >&2; exit 1""")
     with pytest.raises(SimulationError, match="Cube 2D failed: out of cubes"):
-        package.move({"steps": 2})
+        package.arrays("run();")
 
 
 MOVING = """
@@ -106,7 +105,7 @@ getattr(NodePackage("Cube 2D", "@cubes/cube", "cubes", Path(sys.argv[1])), sys.a
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with its parent")
-@pytest.mark.parametrize("call", ["move", "run"])
+@pytest.mark.parametrize("call", ["arrays", "run"])
 def test_a_program_ends_with_the_process_that_started_it(package: NodePackage, call: str) -> None:
     """Also where that is killed, and can end nothing itself."""
     program(package, "node", f"PATH={os.defpath}; echo $$ >> began; exec sleep 600")

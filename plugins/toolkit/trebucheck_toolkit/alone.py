@@ -23,7 +23,7 @@ from trebucheck.models.elements import FreeJoint, Stop
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
-from .gap_releases import releases
+from .gap_releases import OPENING, releases
 from .node_samples import NodeSamples
 from .node_scene import MIRROR, NodeScene
 
@@ -80,6 +80,7 @@ class BodySteps:
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
             the engine tells none, and releases are those of the gaps (:mod:`.gap_releases`).
         slop: error of angles that the engine lets be [rad].
+        opening: gap from which releases are looked back for, where there are no torques [rad].
         at_end: whether a step's forces are those at its end.
     """
 
@@ -91,6 +92,7 @@ class BodySteps:
     forces: FloatArray | None = None
     torques: Mapping[str, FloatArray] | None = None
     slop: float = 0.0
+    opening: float = OPENING
     at_end: bool = False
 
     def recording(self, q: FloatArray, u: FloatArray) -> Recording:
@@ -101,7 +103,7 @@ class BodySteps:
         if self.forces is not None:
             found = replace(found, joint_reactions=self._reactions(self.forces))
         if self.torques is None:
-            return replace(found, release_times=releases(self.samples))
+            return replace(found, release_times=releases(self.samples, self.opening))
         stops = self.problem.mechanism.stops
         none = np.zeros(len(self.t) - 1)
         torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}
@@ -135,7 +137,7 @@ class BodySteps:
     @cached_property
     def samples(self) -> NodeSamples:
         """The same as samples of the scene."""
-        return NodeSamples(self.scene, self.t, self.states.reshape(len(self.t), -1))
+        return NodeSamples(self.scene, self.t, self.states)
 
     def _reactions(self, forces: FloatArray) -> dict[str, FloatArray]:
         """Force of each joint on its child with the masses of the mechanism [N]."""

@@ -13,7 +13,7 @@ by half of it."""
 _GROWN = 27.0  # a release is looked back for from a gap of `opening` to this many times that
 
 
-def releases(samples: NodeSamples, opening: float = OPENING) -> dict[str, float | None]:
+def releases(samples: NodeSamples, opening: float) -> dict[str, float | None]:
     """Releases of the stops closed at the start [s]: the gap exceeds `opening` [rad]."""
     stops = samples.scene.mechanism.stops
     return {

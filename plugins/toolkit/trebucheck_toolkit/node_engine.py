@@ -10,6 +10,9 @@ subclass of :class:`NodeEngine`; `trebucheck plugin new --node` writes the three
   least and greatest angle of `b` less that of `a` [rad], each a number or None, or None of joints
   without limits;
 - `limited`: indices of the joints with limits;
+- `stops`: those that the law has, each with its `joint`, its `angle` from the start [rad], its
+  `side`, 1 where that is the least angle and -1 where it is the greatest, and whether it is
+  `closed`;
 - `gravity`: of the scene [m/s^2];
 - `moves_mass`: whether point masses have some inertia by mass moved along their pins.
 
@@ -35,11 +38,13 @@ from trebucheck.engines.point_masses import (
 )
 from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.supplied import Assistance, Part, Supplied
+from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
 from .alone import BodySteps
+from .gap_releases import OPENING
 from .node_inspect import inspected
 from .node_package import NodePackage
 from .node_program import node_program
@@ -66,6 +71,8 @@ class NodeEngine(BuiltinEngine):
     """Angle by which limits may give way without being open [rad]."""
     reads_back: ClassVar[bool] = False
     """Whether the program can tell what the world holds."""
+    release_gap: ClassVar[float] = OPENING
+    """Gap from which releases are looked back for, if no torque tells them [rad]."""
     roundoff: ClassVar[float] = 2.0**-53
     """Unit roundoff of the numbers that the world holds, for the model check."""
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
@@ -115,7 +122,7 @@ class NodeEngine(BuiltinEngine):
         )
         spread, scene = NoPointMasses(mechanism, 1e-3, points_only=True), self._scene(mechanism)
         arrays = self.npm.arrays(self._program(problem, spread, scene, binary=True, tells=True))
-        samples = NodeSamples(scene, arrays["t"], arrays["states"].reshape(1, -1))
+        samples = NodeSamples(scene, arrays["t"], arrays["states"])
         return inspected(samples, arrays["built"], states, self.roundoff)
 
     def _scene(self, mechanism: Mechanism) -> NodeScene:
@@ -132,9 +139,7 @@ class NodeEngine(BuiltinEngine):
         arrays = self.npm.arrays(self._program(problem, spread, scene, binary=True))
         able, steps = self.capabilities, len(arrays["t"]) - 1
         told = arrays["told"].reshape(steps, -1)
-        forces, pins = np.split(told, [2 * len(scene.joints) * able.joint_reactions], axis=1)
-        limited = [*self._limits(problem, scene)]
-        stops = {stop.name: scene.stop(stop) for stop in lawful_stops(problem)}
+        forces, torques = np.split(told, [2 * len(scene.joints) * able.joint_reactions], axis=1)
         taken = BodySteps(
             problem,
             scene,
@@ -142,13 +147,9 @@ class NodeEngine(BuiltinEngine):
             arrays["t"],
             arrays["states"],
             forces=forces.reshape(steps, -1, 2) if able.joint_reactions else None,
-            torques={
-                name: np.maximum(0.0, stop["side"] * pins[:, limited.index(stop["joint"])])
-                for name, stop in stops.items()
-            }
-            if able.stop_torques
-            else None,
+            torques=self._torques(problem, scene, torques) if able.stop_torques else None,
             slop=self.slop,
+            opening=self.release_gap,
         )
         return taken.recording(arrays["q"], arrays["u"])
 
@@ -158,6 +159,19 @@ class NodeEngine(BuiltinEngine):
     def _spread_scene(self, problem: Problem) -> tuple[NoPointMasses, NodeScene]:
         spread = spread_masses(problem.mechanism, self.least_inertia, self.name)
         return spread, self._scene(spread.mechanism)
+
+    def _torques(
+        self, problem: Problem, scene: NodeScene, told: FloatArray
+    ) -> Mapping[str, FloatArray]:
+        """Torque of each stop, of what was told of the limited joints, (steps, joints) [N m]."""
+        limits, torques = self._limits(problem, scene), dict[str, FloatArray]()
+        for stop in lawful_stops(problem):
+            made = scene.stop(stop)
+            low, high = limits[made["joint"]]
+            nearest = made["angle"] == (low if made["side"] > 0 else high)
+            torque = told[:, [*limits].index(made["joint"])]
+            torques[stop.name] = nearest * np.maximum(0.0, made["side"] * torque)
+        return torques
 
     def _limits(
         self, problem: Problem, scene: NodeScene
@@ -178,6 +192,7 @@ class NodeEngine(BuiltinEngine):
             step = problem.duration / (len(sample_times(problem.duration, step, fit=True)) - 1)
         limits = self._limits(problem, scene)
         names = {index: name for name, index in scene.index.items()}
+        names |= dict(enumerate(scene.others, len(scene.mechanism.bodies)))
         joints: list[Json] = [
             {
                 "axis": None,
@@ -200,5 +215,6 @@ class NodeEngine(BuiltinEngine):
             moves_mass=bool(spread.moved),
             joints=joints,
             limited=[*limits],
+            stops=[scene.stop(stop) for stop in lawful_stops(problem)],
             **self._values(scene),
         )

@@ -24,7 +24,8 @@ def inspected(
         samples: its bodies at the start.
         built: what it holds, in the scene's axes: of each body mass [kg], inertia [kg m^2] and
             centre of mass [m] in its frame; of each joint that holds anything both anchors [m] and
-            its axis, zeros where it has none; gravity [m/s^2].
+            its axis, zeros where it has none, and no numbers where the engine does not tell it;
+            gravity [m/s^2].
         states: of the mechanism, with the stops that are closed.
         roundoff: unit roundoff of the numbers that it holds.
     """
@@ -43,7 +44,9 @@ def _held(scene: NodeScene, told: FloatArray) -> Mechanism:
         mechanism,
         {body.name: _body(body, row) for body, row in rows},
         {
-            joint.name: held_joint(scene, joint, row[:2], row[2:4], row[4:])
+            joint.name: held_joint(
+                scene, joint, row[:2], row[2:4], None if np.isnan(row[4:]).any() else row[4:]
+            )
             for joint, row in zip(joints, ends.reshape(len(joints), 6), strict=True)
         },
         gravity * MIRROR,

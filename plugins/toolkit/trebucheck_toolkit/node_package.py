@@ -1,9 +1,7 @@
 """An engine that is a package of npm: its place, and the process of Node.js that runs it.
 
-The plug-in has a folder with `package.json`, which names the package and its version, and
-`move.cjs`, a program that reads a scene as JSON from standard input and writes its samples to
-standard output: a line of JSON with the shape, then numbers, little-endian float64. Its first
-argument is the path of `node_scene.cjs`, what such programs share.
+The plug-in has a folder with `package.json`, which names the package and its version. Programs are
+modules of ECMAScript (:mod:`.node_program`), read from standard input.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import math
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +23,8 @@ from trebucheck.api.engines import ending_with_parent
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import SimulationError
 
-SCENE = Path(__file__).with_name("node_scene.cjs")
-"""What programs that move a scene share."""
+ARRAYS = Path(__file__).with_name("node_arrays.cjs")
+"""What programs write arrays with."""
 _ABSENT = "not installed"
 _ERROR = re.compile(r"^\w*Error: .{1,500}", re.MULTILINE)
 
@@ -38,7 +36,7 @@ class NodePackage:
     title: str  # as messages have it: `Rapier 2D`
     package: str  # its name on npm: `@dimforge/rapier2d-compat`
     module: str  # the plug-in's Python package; `python -m MODULE` calls `install`
-    folder: Path  # with package.json and move.cjs
+    folder: Path  # with package.json
 
     @property
     def _manifest(self) -> Path:
@@ -77,13 +75,9 @@ class NodePackage:
         command = [npm, "install", "--no-package-lock", "--no-audit", "--no-fund"]
         raise SystemExit(subprocess.run(command, cwd=self.folder, check=False).returncode)
 
-    def move(self, scene: Mapping[str, Any]) -> FloatArray:
-        """Samples of a scene, shape (steps + 1, columns); SimulationError if the process fails."""
-        return self._written("move.cjs", str(SCENE), text=json.dumps(scene))["samples"]
-
     def arrays(self, program: str) -> dict[str, FloatArray]:
         """Arrays that a module of ECMAScript writes; SimulationError if the process fails."""
-        return self._written("--input-type=module", "-", text=program)
+        return self._written(program, _arrays)
 
     def run(self, program: str) -> dict[str, Any]:
         """Run a module of ECMAScript, for what it prints as JSON.
@@ -91,15 +85,12 @@ class NodePackage:
         Raises:
             SimulationError: the process fails.
         """
-        return self._written("--input-type=module", "-", text=program, read=_printed)
+        return self._written(program, _printed)
 
     def _written(
-        self,
-        *arguments: str,
-        text: str,
-        read: Callable[[IO[bytes]], dict[str, Any] | None] | None = None,
+        self, program: str, read: Callable[[IO[bytes]], dict[str, Any] | None]
     ) -> dict[str, Any]:
-        """What Node.js writes in the package's folder: arrays, or what `read` reads.
+        """What Node.js writes in the package's folder, as `read` reads it.
 
         The process is ended once it has written them: at its end V8 waits for what it compiles
         beside a run, which takes longer than most runs do, or for ever (nodejs/node#54918).
@@ -107,7 +98,7 @@ class NodePackage:
         with (
             TemporaryFile() as complaints,
             subprocess.Popen(
-                ["node", *arguments],
+                ["node", "--input-type=module", "-"],
                 cwd=self.folder,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -119,8 +110,8 @@ class NodePackage:
             assert process.stdout is not None
             try:
                 with suppress(OSError), process.stdin as given:  # it may end without reading
-                    given.write(text.encode())
-                found = (read or _arrays)(process.stdout)
+                    given.write(program.encode())
+                found = read(process.stdout)
                 if found is None:  # it ended before, or wrote something else
                     process.wait()
                     complaints.seek(0)

@@ -44,7 +44,7 @@ from trebucheck.models.elements import (
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
 
-from .node_package import SCENE
+from .node_package import ARRAYS
 from .node_scene import MIRROR, NodeScene
 
 
@@ -90,7 +90,7 @@ def node_program(
         ],
         slides=_slides(scene),
         binary=binary,
-        shared=SCENE.as_uri(),
+        shared=ARRAYS.as_uri(),
         text=_text,
     )
 

@@ -42,23 +42,12 @@ class NodeSamples:
     Args:
         scene: what was moved.
         t: shape (n,).
-        columns: what move.cjs wrote, shape (n, columns): six of each body, then what it told.
+        states: of the bodies: x, y, angle and their rates, shape (n, bodies, 6).
     """
 
     scene: NodeScene
     t: FloatArray
-    columns: FloatArray
-
-    @property
-    def states(self) -> FloatArray:
-        """States of the bodies: x, y, angle and their rates, shape (n, bodies, 6)."""
-        bodies = len(self.scene.bodies)
-        return self.columns[:, : 6 * bodies].reshape(-1, bodies, 6)
-
-    @property
-    def told(self) -> FloatArray:
-        """Records of the engine on the step that begins at each sample."""
-        return self.columns[:, 6 * len(self.scene.bodies) :]
+    states: FloatArray
 
     def recording(self) -> Recording:
         """A recording from the bodies alone: no forces and no releases."""

@@ -1,4 +1,4 @@
-"""Scene of a mechanism for engines in Node.js, in Cartesian coordinates (`node_scene.cjs`).
+"""Scene of a mechanism for engines of rigid bodies, in Cartesian coordinates.
 
 Bodies stand about their centres of mass, and joints between them. Such engines' angles are
 anticlockwise: the scene is the mirror image with y downwards, where clockwise ones are so. Every
@@ -9,35 +9,22 @@ taken into half a turn where a body is made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import (
-    FORCE_ELEMENTS,
     GROUND,
     JOINTS,
     STOPS,
-    AnyForceElement,
     AnyJoint,
     AnyStop,
-    ConstantForce,
-    ConstantTorque,
-    CubicTorsionSpring,
     ElementTable,
     FreeJoint,
     PinJoint,
     PointStop,
     PrismaticJoint,
-    RecordedForce,
-    RecordedTorque,
-    RotationalSpringDamper,
-    RotorInertia,
-    SlideInertia,
-    SlideSpringDamper,
     SlotJoint,
-    SpringDamper,
     Stop,
     TranslationJoint,
     WeldJoint,
@@ -121,19 +108,6 @@ class NodeScene:
         for joint in mechanism.joints:
             getattr(self, _JOINTS[joint])(joint, self._ends(joint))
 
-    def description(self, problem: Problem, timestep: float, steps: int) -> Json:
-        """Input of node_scene.cjs; under release-once without stops open at the start."""
-        return {
-            "bodies": self.bodies,
-            "joints": self.joints,
-            "stops": [self.stop(stop) for stop in lawful_stops(problem)],
-            "once": problem.stop_law is StopLaw.RELEASE_ONCE,
-            "gravity": (np.array(self.mechanism.gravity_vector) * MIRROR).tolist(),
-            "loads": [self._load(element) for element in self.mechanism.force_elements],
-            "timestep": timestep,
-            "steps": steps,
-        }
-
     def offset(self, body: str, point: Vector) -> FloatArray:
         """Vector from a body's centre of mass to a point at the start; of the ground the point."""
         centre = (0.0, 0.0) if body == GROUND else self.mechanism.body(body).centre
@@ -198,43 +172,7 @@ class NodeScene:
             f"{stop.name!r} is on none."
         )
 
-    def _load(self, element: AnyForceElement) -> Json:
-        own: Json = {"kind": element.kind, "body": self.index[element.body]}
-        return own | _LOADS[element](self, element)
 
-
-def _force(scene: NodeScene, element: ConstantForce) -> Json:
-    point = scene.offset(element.body, element.point).tolist()
-    return {"point": point, "force": (np.array(element.force) * MIRROR).tolist()}
-
-
-def _torque(scene: NodeScene, element: ConstantTorque) -> Json:
-    other = scene.index[element.relative_to]
-    return {"other": other, "torque": element.torque} | dict.fromkeys(_SPRING, 0.0)
-
-
-def _spring(scene: NodeScene, element: SpringDamper) -> Json:
-    return {
-        "other": scene.index[element.relative_to],
-        "torque": 0.0,
-        **dict(
-            zip(_SPRING, (element.stiffness, element.damping, element.rest_length), strict=True)
-        ),
-        "point": scene.offset(element.body, element.point).tolist(),
-        "otherPoint": scene.offset(element.relative_to, element.relative_point).tolist(),
-    }
-
-
-def _rotational_spring(scene: NodeScene, element: RotationalSpringDamper) -> Json:
-    rest = element.rest_angle - (scene.angles[element.body] - scene.angles[element.relative_to])
-    return {
-        "other": scene.index[element.relative_to],
-        "torque": 0.0,
-        **dict(zip(_SPRING, (element.stiffness, element.damping, rest), strict=True)),
-    }
-
-
-_SPRING = ("stiffness", "damping", "rest")
 _WHO = "the scene for Node.js"
 _JOINTS: ElementTable[str] = ElementTable(
     _WHO,
@@ -251,22 +189,4 @@ _JOINTS: ElementTable[str] = ElementTable(
 """Names of methods, which scenes of engines may override."""
 _STOPS: ElementTable[str] = ElementTable(
     _WHO, STOPS, {Stop: "limit of a pin"}, {PointStop: "it has no walls for points"}
-)
-_LOADS: ElementTable[Callable[[NodeScene, Any], Json]] = ElementTable(
-    _WHO,
-    FORCE_ELEMENTS,
-    {
-        ConstantForce: _force,
-        ConstantTorque: _torque,
-        SpringDamper: _spring,
-        RotationalSpringDamper: _rotational_spring,
-    },
-    {
-        CubicTorsionSpring: "its springs are linear",
-        RotorInertia: "our adapter adds no inertia between two bodies",
-        SlideInertia: "our adapter adds no inertia between two bodies",
-        SlideSpringDamper: "our adapter builds no springs along slides",
-        RecordedForce: "our adapter follows no record of efforts",
-        RecordedTorque: "our adapter follows no record of efforts",
-    },
 )
