@@ -42,6 +42,9 @@ class Dynamics:
     """Centre of mass of each body in the world [m], shape (2,)."""
     stop_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
     """The engine's own measure of its stops' gaps [rad, m]: zero for a closed one in its place."""
+    joint_gaps: Mapping[str, float] = field(default_factory=dict[str, float])
+    """How far its joints that close loops are apart along what they hold [m]: zero in each state;
+    those that are not here are not exposed."""
 
 
 @dataclass(frozen=True)

@@ -259,6 +259,7 @@ class Units:
                     forces=None if forces is None else forces * self.energy / q,
                     centres=_in_units(seen.centres, self.length),
                     stop_gaps=_in_units(seen.stop_gaps, gaps),
+                    joint_gaps=_in_units(seen.joint_gaps, self.length),
                 )
             )
         total = inspection.total_mass

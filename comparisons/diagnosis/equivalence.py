@@ -431,6 +431,11 @@ def _of_parts(mechanism: Mechanism, reference: Expected, inspection: Inspection)
         reach = np.full(len(bodies), float(np.abs(reference.centres).max()) or 1.0)
         off = np.linalg.norm(centres - reference.centres, axis=2)
         yield _by_name("centre of mass", bodies, off, reach)
+    loops = [joint.name for joint in mechanism.loop_joints if joint.held_directions]
+    if loops and all(set(loops) <= set(d.joint_gaps) for d in dynamics):
+        apart = np.array([[d.joint_gaps[name] for name in loops] for d in dynamics])
+        reach = np.full(len(loops), float(np.abs(reference.centres).max()) or 1.0)
+        yield _by_name("joint position", loops, np.abs(apart), reach)
     masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
     if len(masses) == len(dynamics):
         scales = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", reference.mass)] * 2))

@@ -41,7 +41,8 @@ from ..events import ContactEvents, note_own_releases, whole_steps
 from ..point_masses import NoPointMasses, shared_inertia
 from ..protocol import Recording
 from ..reading import read_each_step, timed_reading
-from .bodies import Assembly, LumpedMass, gear_of, placed_part, rotors_of, without_welds
+from ..rotors import rotors_of
+from .bodies import Assembly, LumpedMass, gear_of, placed_part, without_welds
 from .leapfrog import Stepper
 from .options import ERROR_BIAS, PymunkOptions
 from .read import MotionReading, forces_of, reading_of
@@ -214,9 +215,8 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
         part.body.angular_velocity += 0.0
         made.assembly.parts[body.name] = part
         space.add(part.body)
-    for index, inertia in rotors_of(rigid).items():
-        turning = (name for name, (angle, _) in rigid.attitudes.items() if angle == index)
-        made.assembly.parts[next(turning)].body.moment += inertia
+    for name, inertia in rotors_of(rigid, "pymunk").items():
+        made.assembly.parts[name].body.moment += inertia
     builder = _Builder(made, options)
     for joint in rigid.joints:
         JOINT_BUILDERS[joint](builder, joint)

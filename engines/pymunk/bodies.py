@@ -40,6 +40,7 @@ from ...models.errors import UnsupportedProblemError
 from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Body, Mechanism
 from ...models.spec import Vector
+from ..rotors import rotors_of
 from .loads import Load
 
 _SAME_POINT = 1e-12  # [m]
@@ -297,12 +298,12 @@ def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
     """
     kinematics, (q, u) = Kinematics(mechanism), initial_state(mechanism)
     masses: dict[str, LumpedMass] = {}
-    rotors = rotors_of(mechanism)
+    rotors = rotors_of(mechanism, "pymunk")
     together: dict[int | None, list[Body]] = {}
     for body in mechanism.bodies:
         together.setdefault(mechanism.attitudes[body.name][0], []).append(body)
     for index, group in together.items():
-        total = math.fsum([*(body.inertia for body in group), rotors.get(index, 0.0)])
+        total = math.fsum(body.inertia + rotors.get(body.name, 0.0) for body in group)
         inertia = math.inf if index is None else total / len(group)
         for body in group:
             masses[body.name] = LumpedMass(body.mass, complex(*body.centre), inertia)
@@ -325,30 +326,6 @@ def parts_of(mechanism: Mechanism, pivot_mass: float) -> list[BodyPart]:
 
         parts.append(placed_part(kinematics, (q, u), body.name, mass, turns=turns))
     return parts[::-1]
-
-
-def rotors_of(mechanism: Mechanism) -> Mapping[int | None, float]:
-    """Inertia of rotors by the index of the angle that they turn with [kg m^2].
-
-    Raises:
-        UnsupportedProblemError: a rotor turns with the angle between two bodies that both turn.
-    """
-    found: dict[int | None, float] = {}
-    for rotor in mechanism.force_elements:
-        if not isinstance(rotor, elements.RotorInertia):
-            continue
-        ends = {None if name == GROUND else mechanism.attitudes[name][0] for name in rotor.bodies}
-        turning = ends - {None}
-        if len(turning) > 1:
-            raise UnsupportedProblemError(
-                f"our adapter builds rotors as a part of a body's moment in pymunk; {rotor.name!r} "
-                f"turns with the angle between {' and '.join(map(repr, rotor.bodies))}, which both "
-                "turn."
-            )
-        if len(ends) > 1:
-            (index,) = turning
-            found[index] = found.get(index, 0.0) + rotor.inertia
-    return found
 
 
 def gear_of(coupler: elements.Coupler, assembly: Assembly) -> constraints.GearJoint:

@@ -280,7 +280,7 @@ class _Builder:
         self.assembly.loads.append(slide_force(force, point, line))
 
     def add_rotor(self, element: elements.RotorInertia) -> None:
-        """Add nothing: the bodies' moments have it (:func:`.bodies.rotors_of`)."""
+        """Add nothing: the bodies' moments have it (:mod:`..rotors`)."""
 
     def point_spring(self, element: elements.SpringDamper) -> None:
         """Add Chipmunk's spring where it has both points; else, and of the damper, a load."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import trebucheck as tb
+from mechanisms import four_bar
 from trebucheck.comparisons.diagnosis.equivalence import _by_name, check_model
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.reference.engine import ReferenceEngine
@@ -51,6 +52,29 @@ def test_a_stop_at_its_place_is_not_flagged() -> None:
     equality = check_model(Shifted(by=0.0), tb.fixed())
     assert equality.holds
     assert any(check.name == "stop position" for check in equality.checks)
+
+
+@dataclass(frozen=True)
+class Apart(ReferenceEngine):
+    """The reference, with the joint that closes a loop apart."""
+
+    by: float = 0.0
+    """[m]"""
+
+    def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
+        right = super().inspect(mechanism, states)
+        gaps = {joint.name: self.by for joint in mechanism.loop_joints}
+        wrong = tuple(replace(each, joint_gaps=gaps) for each in right.dynamics)
+        return replace(right, dynamics=wrong)
+
+
+def test_a_loop_that_is_apart_is_another_mechanism() -> None:
+    """A pin of the ground that is elsewhere changes no acceleration."""
+    mechanism = four_bar()
+    assert check_model(Apart(by=0.0), mechanism).holds
+    (check,) = check_model(Apart(by=1e-3), mechanism).broken
+    (closing,) = mechanism.loop_joints
+    assert (check.name, check.subject) == ("joint position", closing.name)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])

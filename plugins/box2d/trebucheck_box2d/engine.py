@@ -9,7 +9,7 @@ from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.point_masses import spreads_masses
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, Supplied
+from trebucheck.engines.supplied import Assistance, Part, Supplied, has_stops
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -21,10 +21,6 @@ from .study import STUDY
 
 _ALONE: Mapping[str, object] = {"set_back": 0.0, "keep_limits": True, "least_inertia": None}
 """Options with which trebucheck takes no part in a run."""
-
-
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
 
 
 class Box2DEngine(Box2DOptions, BuiltinEngine):
@@ -77,7 +73,7 @@ class Box2DEngine(Box2DOptions, BuiltinEngine):
             "sets limits a little beyond their stops",
             "set_back",
             off=0.0,
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         LIMITS_TAKEN_OUT,
         Assistance(

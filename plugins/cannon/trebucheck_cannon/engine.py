@@ -18,14 +18,14 @@ from pydantic import Field
 from trebucheck.engines.point_masses import LeastInertia
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part
+from trebucheck.engines.supplied import Assistance, Part, has_stops
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene
+from trebucheck_toolkit.node_scene import BUILT, NodeScene
 
 from .study import STUDY
 
@@ -95,6 +95,7 @@ class CannonEngine(NodeEngine):
         formulation="Cartesian coordinates, joints and limits by regularized impulses, "
         "semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL, Feature.MOVING_SLOT, Feature.PRISMATIC},
+        elements=BUILT,
         lacking=frozenset({Basic.SLOT, Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
@@ -105,7 +106,7 @@ class CannonEngine(NodeEngine):
             "takes a stop out once it is open, where it is let go for good",
             "let_go",
             off=False,
-            acts_on=lambda mechanism: bool(mechanism.stops),
+            acts_on=has_stops,
         ),
         *(NodeEngine.assistance or ()),
     )

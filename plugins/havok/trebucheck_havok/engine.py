@@ -21,7 +21,7 @@ from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene
+from trebucheck_toolkit.node_scene import BUILT, NodeScene
 
 from .study import STUDY
 
@@ -87,6 +87,7 @@ class HavokEngine(NodeEngine):
         formulation="Cartesian coordinates, joints and limits by impulses in substeps, "
         "semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}

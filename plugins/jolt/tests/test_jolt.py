@@ -1,13 +1,11 @@
 """Jolt's defaults, and Jolt against the reference and closed forms; the rest is in
 `plugins/tests`."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import trebucheck as tb
-from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.library.registry import benchmark
 from trebucheck.reference.solver import solve
 from trebucheck_jolt.engine import OWN, JoltEngine
@@ -177,21 +175,6 @@ def test_the_memory_of_a_long_run_is_flat() -> None:
     assert found[2] == 5001 and found[1] == found[0] > 0
 
 
-@pytest.mark.parametrize("name", ["slider-crank", "chain", "thrown-plate", "incline", "bead"])
-def test_the_world_is_read_back_and_a_fault_in_it_is_found(name: str) -> None:
-    engine, mechanism = tb.engine("jolt"), benchmark(name).problem().mechanism
-    assert check_model(engine, mechanism).holds
-    first, *others = mechanism.bodies
-    heavy = first.model_copy(update={"mass": 1.001 * first.mass})
-    seeded = mechanism.model_copy(update={"bodies": (heavy, *others)})
-    wrong = SimpleNamespace(
-        name="jolt",
-        capabilities=engine.capabilities,
-        inspect=lambda _, states: engine.inspect(seeded, states),  # type: ignore[attr-defined]
-    )
-    assert not check_model(wrong, mechanism).holds  # type: ignore[arg-type]
-
-
 def test_what_it_has_not_is_refused() -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="stops on points"):
         tb.engine("jolt").simulate(benchmark("bouncing").problem())
@@ -207,10 +190,3 @@ def test_a_world_that_breaks_down_is_a_failed_run() -> None:
             'import initJolt from "jolt-physics"; const Jolt = await initJolt();'
             "new Jolt.JoltInterface(new Jolt.JoltSettings()).Step(0.1, 1);"
         )
-
-
-def test_what_is_missing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "")
-    with pytest.raises(tb.EngineNotInstalledError, match=r"no program `node` is on the path\.$"):
-        tb.engine("jolt").simulate(FREE_SWING)
-    assert JoltEngine.version() == "not installed"

@@ -18,14 +18,14 @@ import numpy as np
 from pydantic import Field
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part
+from trebucheck.engines.supplied import Assistance, Part, has_stops
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene
+from trebucheck_toolkit.node_scene import BUILT, NodeScene
 
 from .study import STUDY
 
@@ -100,6 +100,7 @@ class JoltEngine(NodeEngine):
         formulation="Cartesian coordinates in single precision, joints and limits by sequential "
         "impulses, semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
@@ -110,7 +111,7 @@ class JoltEngine(NodeEngine):
             "holds a stop from both sides while it pushes, and lets it go where it would pull",
             "hold",
             off=False,
-            acts_on=lambda mechanism: bool(mechanism.stops),
+            acts_on=has_stops,
         ),
         *(NodeEngine.assistance or ()),
     )

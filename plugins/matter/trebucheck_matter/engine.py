@@ -23,7 +23,7 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene
+from trebucheck_toolkit.node_scene import BUILT, NodeScene
 
 from .study import STUDY
 
@@ -77,6 +77,7 @@ class MatterEngine(NodeEngine):
         stop_laws=frozenset(),
         formulation="Cartesian coordinates, pins by corrections of positions, Verlet",
         features=frozenset(Feature) - {Feature.MOVING_SLOT, Feature.MOVING_WALL, Feature.PRISMATIC},
+        elements=BUILT,
         lacking=frozenset({Basic.SLOT, Basic.STOP, Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part
+from trebucheck.engines.supplied import Assistance, Part, has_stops
 from trebucheck.models.errors import InputError
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
@@ -18,10 +18,6 @@ from trebucheck.models.spec import Positive, Real
 from trebucheck_toolkit.event_driver import EventDriver
 
 from .study import STUDY
-
-
-def _has_stops(mechanism: Mechanism) -> bool:
-    return bool(mechanism.stops)
 
 
 def _has_loops(mechanism: Mechanism) -> bool:
@@ -92,7 +88,7 @@ class OpenSimEngine(BuiltinEngine):
             "locks coordinates while stops hold, with torques by multipliers",
             "limits",
             off="springs",
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.LOOPS, "closes loops by multipliers", "limits", off="springs", acts_on=_has_loops
@@ -109,14 +105,14 @@ class OpenSimEngine(BuiltinEngine):
             "locates releases and impacts inside a step",
             "limits",
             off="springs",
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
         Assistance(
             Part.IMPACTS,
             "resolves impacts with Simbody's mass matrix",
             "limits",
             off="springs",
-            acts_on=_has_stops,
+            acts_on=has_stops,
         ),
     )
 

@@ -22,7 +22,7 @@ from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene
+from trebucheck_toolkit.node_scene import BUILT, NodeScene
 
 from .study import STUDY
 
@@ -83,6 +83,7 @@ class P2Engine(NodeEngine):
         formulation="Cartesian coordinates, joints and limits by regularized impulses, "
         "semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}

@@ -29,7 +29,7 @@ from trebucheck.models.spec import Positive
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene, lawful_stops
+from trebucheck_toolkit.node_scene import BUILT, NodeScene, lawful_stops
 
 from .study import STUDY
 
@@ -98,6 +98,7 @@ class PlanckEngine(NodeEngine):
         formulation="Cartesian coordinates, joints and limits by sequential impulses, "
         "semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}

@@ -15,6 +15,7 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT
+from trebucheck_toolkit.node_scene import BUILT
 
 from .study import STUDY
 
@@ -35,6 +36,7 @@ class Box2D3Engine(BuiltinEngine):
         formulation="Cartesian coordinates in single precision, soft joints and limits by impulses "
         "in sub-steps, semi-implicit Euler",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     settings_options: ClassVar[Mapping[str, object] | None] = {

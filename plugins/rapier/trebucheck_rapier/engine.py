@@ -27,7 +27,7 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import NodeScene, joint_limits
+from trebucheck_toolkit.node_scene import BUILT, NodeScene, joint_limits
 
 from .build import RapierScene
 from .study import STUDY
@@ -96,6 +96,7 @@ class RapierEngine(NodeEngine):
         "substeps, semi-implicit Euler",
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
         features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, "timestep": 2.5e-4}

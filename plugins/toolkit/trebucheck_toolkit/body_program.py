@@ -43,7 +43,7 @@ from trebucheck.models.elements import (
     SlideSpringDamper,
     SpringDamper,
 )
-from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.mechanism import Mechanism, Slide
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
 
@@ -107,7 +107,7 @@ def body_program(
     calls = {line.partition("(")[0] for line in lines}
     shared = {
         "names": [body.name for body in mechanism.bodies],
-        "pushed": bool(calls & {"push", "spring"}),
+        "pushed": bool(calls & {"push", "spring", "slide_spring"}),
         "twisted": bool(calls & {"twist", "torsion_spring"}),
         "text": program_text,
         "upright": upright,
@@ -124,7 +124,7 @@ def body_program(
         loads=lines,
         calls=calls,
         angles=[(b.name, frames.turn(b.name)) for b in mechanism.bodies if b.angle is not None],
-        slides=_slides(frames),
+        slides=[_slide(frames, slide) for slide in mechanism.slides],
         **shared,
     )
 
@@ -132,8 +132,8 @@ def body_program(
 def load_lines(frames: Frames, mechanism: Mechanism) -> list[str]:
     """Calls of a program that give the bodies the forces and torques of a step.
 
-    Their functions are `push`, `twist`, `spring` and `torsion_spring`, as `program.py.j2` has them,
-    and `point`, whose first value is a place.
+    Their functions are `push`, `twist`, `spring`, `torsion_spring` and `slide_spring`, as
+    `program.py.j2` has them, and `point`, whose first value is a place.
     """
     return [line for each in mechanism.force_elements for line in _LOADS[each](frames, each)]
 
@@ -168,15 +168,12 @@ def program_text(value: Any) -> str:
     return repr(value + 0.0) if isinstance(value, float) else repr(value)
 
 
-def _slides(frames: Frames) -> list[str]:
-    """Arguments of the program's `slide` for each slide coordinate."""
-    slides: list[str] = []
-    for slide in frames.mechanism.slides:
-        joint, along = slide.joint, complex(slide.direction)
-        axis = frames.direction(joint.parent, (along.real, along.imag))
-        ends = (joint.parent, joint.parent_point), (joint.child, joint.child_point)
-        slides.append(f"{', '.join(_end(frames, *end) for end in ends)}, {axis!r}")
-    return slides
+def _slide(frames: Frames, slide: Slide) -> str:
+    """Arguments of the program's `slide` for a slide coordinate."""
+    joint, along = slide.joint, complex(slide.direction)
+    axis = frames.direction(joint.parent, (along.real, along.imag))
+    ends = (joint.parent, joint.parent_point), (joint.child, joint.child_point)
+    return f"{', '.join(_end(frames, *end) for end in ends)}, {axis!r}"
 
 
 # --- Forces and torques of a step
@@ -210,6 +207,16 @@ def _torsion_spring(frames: Frames, element: RotationalSpringDamper) -> list[str
     return [f"torsion_spring({element.body!r}, {element.relative_to!r}, {law})"]
 
 
+def _slide_spring(frames: Frames, element: SlideSpringDamper) -> list[str]:
+    law = element.stiffness, element.damping, element.rest_position, element.force
+    ends = _slide(frames, frames.mechanism.slide(element.coordinate))
+    return [f"slide_spring({ends}, {program_text(law)[1:-1]})"]
+
+
+def _rotor(_: Frames, __: RotorInertia) -> list[str]:
+    return []  # a part of its body's inertia
+
+
 _LOADS: ElementTable[Callable[[Frames, Any], list[str]]] = ElementTable(
     "the program of bodies",
     FORCE_ELEMENTS,
@@ -218,12 +225,12 @@ _LOADS: ElementTable[Callable[[Frames, Any], list[str]]] = ElementTable(
         ConstantTorque: _torque,
         SpringDamper: _spring,
         RotationalSpringDamper: _torsion_spring,
+        SlideSpringDamper: _slide_spring,
+        RotorInertia: _rotor,
     },
     {
         CubicTorsionSpring: "its springs are linear",
-        RotorInertia: "our adapter adds no inertia between two bodies",
-        SlideInertia: "our adapter adds no inertia between two bodies",
-        SlideSpringDamper: "our adapter builds no springs along slides",
+        SlideInertia: "our adapter adds no inertia along slides",
         RecordedForce: "our adapter follows no record of efforts",
         RecordedTorque: "our adapter follows no record of efforts",
     },

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated
 
 from pydantic import Field
-from trebucheck.engines.supplied import Assistance, Part
+from trebucheck.engines.supplied import Assistance, Part, has_stops
 
 KeepLimits = Annotated[
     bool,
@@ -24,6 +24,6 @@ LIMITS_TAKEN_OUT = Assistance(
     "takes the limits of stops that are open for good out of the model",
     "keep_limits",
     off=True,
-    acts_on=lambda mechanism: bool(mechanism.stops),
+    acts_on=has_stops,
 )
 """What the adapter does where it is off."""

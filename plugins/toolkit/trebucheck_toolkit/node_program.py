@@ -41,6 +41,7 @@ from trebucheck.models.elements import (
     SlideSpringDamper,
     SpringDamper,
 )
+from trebucheck.models.mechanism import Slide
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
 
@@ -88,24 +89,21 @@ def node_program(
             for body in mechanism.bodies
             if body.angle is not None
         ],
-        slides=_slides(scene),
+        slides=[_slide(scene, slide) for slide in mechanism.slides],
         binary=binary,
         shared=ARRAYS.as_uri(),
         text=_text,
     )
 
 
-def _slides(scene: NodeScene) -> list[str]:
-    """Arguments of the program's `slide` for each slide coordinate."""
-    slides: list[str] = []
-    for slide in scene.mechanism.slides:
-        joint, along = slide.joint, complex(slide.direction)
-        axis = scene.turned_at_start(joint.parent, (along.real, along.imag))
-        slides.append(
-            f"{_point(scene, joint.parent, joint.parent_point)}, "
-            f"{_point(scene, joint.child, joint.child_point)}, {_text(axis)}"
-        )
-    return slides
+def _slide(scene: NodeScene, slide: Slide) -> str:
+    """Arguments of the program's `slide` for a slide coordinate."""
+    joint, along = slide.joint, complex(slide.direction)
+    axis = scene.turned_at_start(joint.parent, (along.real, along.imag))
+    return (
+        f"{_point(scene, joint.parent, joint.parent_point)}, "
+        f"{_point(scene, joint.child, joint.child_point)}, {_text(axis)}"
+    )
 
 
 def _text(value: Any) -> str:
@@ -148,6 +146,16 @@ def _torsion_spring(scene: NodeScene, element: RotationalSpringDamper) -> list[s
     return [f"torsionSpring({bodies}, {', '.join(map(_text, law))})"]
 
 
+def _slide_spring(scene: NodeScene, element: SlideSpringDamper) -> list[str]:
+    law = element.stiffness, element.damping, element.rest_position, element.force
+    ends = _slide(scene, scene.mechanism.slide(element.coordinate))
+    return [f"slideSpring({ends}, {', '.join(map(_text, law))})"]
+
+
+def _rotor(_: NodeScene, __: RotorInertia) -> list[str]:
+    return []  # a part of its body's inertia
+
+
 _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
     "the program for Node.js",
     FORCE_ELEMENTS,
@@ -156,12 +164,12 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
         ConstantTorque: _torque,
         SpringDamper: _spring,
         RotationalSpringDamper: _torsion_spring,
+        SlideSpringDamper: _slide_spring,
+        RotorInertia: _rotor,
     },
     {
         CubicTorsionSpring: "its springs are linear",
-        RotorInertia: "our adapter adds no inertia between two bodies",
-        SlideInertia: "our adapter adds no inertia between two bodies",
-        SlideSpringDamper: "our adapter builds no springs along slides",
+        SlideInertia: "our adapter adds no inertia along slides",
         RecordedForce: "our adapter follows no record of efforts",
         RecordedTorque: "our adapter follows no record of efforts",
     },

@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 import numpy as np
+from trebucheck.engines.rotors import rotors_of
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import (
     GROUND,
@@ -24,12 +25,15 @@ from trebucheck.models.elements import (
     PinJoint,
     PointStop,
     PrismaticJoint,
+    RotorInertia,
+    SlideSpringDamper,
     SlotJoint,
     Stop,
     TranslationJoint,
     WeldJoint,
 )
 from trebucheck.models.errors import UnsupportedProblemError
+from trebucheck.models.features import COVERED_BY_FEATURES
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -37,6 +41,8 @@ from trebucheck.models.spec import Vector
 
 Json = dict[str, Any]
 MIRROR = np.array([1.0, -1.0])
+BUILT: frozenset[type] = COVERED_BY_FEATURES | {RotorInertia, SlideSpringDamper}
+"""Classes of elements of which a scene and its programs know all, whatever an engine has."""
 
 
 def turned(angle: float | FloatArray, vector: FloatArray) -> FloatArray:
@@ -98,6 +104,7 @@ class NodeScene:
         self.angles = {
             name: float(self.kinematics.angle(name).value(self.q)) for name in self.index
         }
+        self._rotors = rotors_of(mechanism, engine)
         self.bodies = [self._body(body) for body in mechanism.bodies]
         """Those that an engine needs besides come after the mechanism's."""
         self.others: list[str] = []
@@ -129,7 +136,7 @@ class NodeScene:
             "velocity": (self.kinematics.velocity(row, self.q, self.u) * MIRROR).tolist(),
             "speed": float(self.kinematics.angle(body.name).coefficients @ self.u),
             "mass": body.mass,
-            "inertia": body.inertia,
+            "inertia": body.inertia + self._rotors.get(body.name, 0.0),
         }
 
     def _ends(self, joint: AnyJoint) -> Json:

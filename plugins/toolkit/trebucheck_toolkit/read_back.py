@@ -7,12 +7,15 @@ motion of the mechanism that this describes.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from trebucheck.engines.inspection import Dynamics, Inspection, State
+from trebucheck.engines.rotors import rotors_of
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND, AnyJoint, PrismaticJoint, SlotJoint
+from trebucheck.models.kinematics import Kinematics
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.spec import Vector
 from trebucheck.reference.equations import Equations
@@ -33,7 +36,7 @@ def held_mechanism(
 
     Args:
         mechanism: what was built.
-        bodies: what is read of them, by their names.
+        bodies: what is read of them, by their names; inertias with those of rotors.
         joints: `parent_point`, `child_point` and perhaps `axis` of joints by their names, in the
             frames of the mechanism's bodies.
         gravity: in the world [m/s^2], shape (2,).
@@ -42,9 +45,13 @@ def held_mechanism(
         A mechanism that is not validated: rounding does not close the loops to the digits that are
         asked of a description.
     """
-    size = float(np.hypot(*gravity))
+    size, rotors = float(np.hypot(*gravity)), rotors_of(mechanism, "the engine")
     changed_bodies = {
-        name: {"mass": mass, "inertia": inertia, "centre": _vector(centre)}
+        name: {
+            "mass": mass,
+            "inertia": inertia - rotors.get(name, 0.0),
+            "centre": _vector(centre),
+        }
         for name, (mass, inertia, centre) in bodies.items()
     }
     changed_joints = {
@@ -144,4 +151,15 @@ def _dynamics(equations: Equations, state: State) -> Dynamics:
         centres={
             body.name: k.position(k.point(body.name, body.centre), q) for body in mechanism.bodies
         },
+        joint_gaps=_joint_gaps(k, q),
     )
+
+
+def _joint_gaps(kinematics: Kinematics, q: FloatArray) -> dict[str, float]:
+    """How far the joints that close loops are apart along what they hold [m]."""
+    residual, gaps = iter(kinematics.loop_residual(q).tolist()), dict[str, float]()
+    for joint in kinematics.mechanism.loop_joints:
+        gaps[joint.name] = math.hypot(*(next(residual) for _ in joint.held_directions))
+        if joint.turned_by is not None:
+            next(residual)  # an angle
+    return gaps
