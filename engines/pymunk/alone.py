@@ -376,7 +376,7 @@ class _Builder:
         self.made.records.append(element)
 
     def add_slide_spring(self, element: elements.SlideSpringDamper) -> None:
-        """Add a spring to a point of the slide's line, so far that it is never pushed beyond it."""
+        """Add a spring to a point of the slide's line that is far away, and a constant force."""
         slide = self.assembly.rigid.slide(element.slide)
         joint = slide.joint
         if element.stiffness or element.damping:

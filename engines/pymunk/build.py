@@ -118,7 +118,7 @@ class _Builder:
     # --- Joints
 
     def add_nothing(self, joint: elements.FreeJoint | elements.WeldJoint) -> None:
-        """Add no constraint: the body is free, turns by no means, or is one with its parent."""
+        """Add no constraint: the body is free, cannot turn here, or is one with its parent."""
 
     def add_tree_pin(self, joint: elements.PinJoint) -> None:
         """Add a rod to a bob, else a pivot."""

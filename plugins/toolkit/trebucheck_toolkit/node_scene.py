@@ -42,7 +42,7 @@ from trebucheck.models.spec import Vector
 Json = dict[str, Any]
 MIRROR = np.array([1.0, -1.0])
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {RotorInertia, SlideSpringDamper}
-"""Classes of elements of which a scene and its programs know all, whatever an engine has."""
+"""Classes of elements that a scene and its programs build; an engine may lack joints of them."""
 
 
 def turned(angle: float | FloatArray, vector: FloatArray) -> FloatArray:
