@@ -13,6 +13,8 @@ from trebucheck.reference.solver import solve
 
 WITH_SLIDES = ("planck", "rapier", "jolt", "havok", "p2", "pyb2d3")
 WITHOUT = ("cannon", "matter")
+TREES = ("drake", "dart", "pybullet")
+"""In joint coordinates, where a rotor of a body is no part of its moment: without rotors."""
 STEP = 1e-3  # [s] and half of it
 
 
@@ -87,6 +89,12 @@ def pendulum(*rotors: tb.RotorInertia) -> tb.Mechanism:
     )
 
 
+def sprung() -> tb.Mechanism:
+    """The cart without its rotor."""
+    spring, _ = cart().force_elements
+    return cart().model_copy(update={"name": "sprung cart", "force_elements": (spring,)})
+
+
 def pin(parent: str, child: str, at: tuple[float, float] = (0.0, 0.0)) -> tb.PinJoint:
     """A pin at the child's origin."""
     points = {"parent_point": at, "child_point": (0.0, 0.0)}
@@ -103,6 +111,7 @@ def rotor(body: str, relative_to: str = "ground") -> tb.RotorInertia:
 TURNING = pendulum(rotor("rod"), rotor("other"))
 CASES = [(name, made) for name in WITH_SLIDES for made in (cart(), bead(), TURNING)]
 CASES += [(name, TURNING) for name in WITHOUT]
+CASES += [(name, made) for name in TREES for made in (sprung(), bead())]
 
 
 def installed(name: str) -> str:
@@ -118,10 +127,11 @@ def installed(name: str) -> str:
 def test_they_are_built_and_followed(name: str, mechanism: tb.Mechanism) -> None:
     checked = check_model(tb.engine(installed(name)), mechanism)
     assert checked.exposed and checked.holds, checked
+    preset = "settings" if name in TREES else "assisted"  # assisted, steps are trebucheck's own
     problem = tb.Problem(mechanism, duration=0.4)
     truth, errors = solve(problem), list[float]()
     for step in (STEP, STEP / 2):
-        found = tb.engine(name, timestep=step).simulate(problem)
+        found = tb.engine(name, preset, timestep=step).simulate(problem)
         errors.append(float(np.abs(found.q - truth.trajectory(found.t).q).max()))
     # Of first order, down to what single precision, or Havok's masses of eight bits, leave.
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2) or errors[1] < 1e-3, errors
@@ -139,7 +149,7 @@ def test_a_rotor_between_two_bodies_that_turn_is_refused(name: str) -> None:
         tb.engine(installed(name)).simulate(tb.Problem(mechanism, duration=0.1))
 
 
-@pytest.mark.parametrize("name", WITH_SLIDES)
+@pytest.mark.parametrize("name", [*WITH_SLIDES, *TREES])
 @pytest.mark.parametrize("preset", ["default", "settings"])
 def test_a_program_has_the_same_motion(name: str, preset: str) -> None:
     engine, problem = tb.engine(installed(name), preset), tb.Problem(bead(), duration=0.2)

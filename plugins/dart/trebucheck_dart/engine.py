@@ -14,6 +14,7 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import EventDriver
+from trebucheck_toolkit.given_forces import GIVEN
 from trebucheck_toolkit.joint_tree import TreeMotion
 
 from .study import STUDY
@@ -48,6 +49,7 @@ class DartEngine(BuiltinEngine):
         formulation="minimal relative joints; its dynamics in RK4, stops and loops by multipliers "
         "(default: semi-implicit Euler, joint limits as velocity constraints)",
         features=frozenset(Feature),
+        elements=GIVEN,
     )
     default_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}
     settings_options: ClassVar[Mapping[str, object] | None] = {"mode": "step"}

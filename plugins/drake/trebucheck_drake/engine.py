@@ -15,6 +15,7 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Real
 from trebucheck_toolkit.event_driver import EventDriver
+from trebucheck_toolkit.given_forces import GIVEN
 
 from .study import STUDY
 
@@ -57,6 +58,7 @@ class DrakeEngine(BuiltinEngine):
         "loops by multipliers (default: discrete, joint limits as compliant constraints, "
         "semi-implicit Euler)",
         features=frozenset(Feature),
+        elements=GIVEN,
     )
     # The step of `MultibodyPlantConfig()`, which is that of the options here.
     default_options: ClassVar[Mapping[str, object] | None] = {

@@ -15,6 +15,7 @@ from trebucheck.models.features import Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import EventDriver
+from trebucheck_toolkit.given_forces import GIVEN
 
 from .study import STUDY
 
@@ -48,6 +49,7 @@ class PinocchioEngine(BuiltinEngine):
         formulation="minimal relative joints (articulated-body algorithm), stops and loops by "
         "multipliers, RK4 of trebucheck (or semi-implicit Euler)",
         features=frozenset(Feature),
+        elements=GIVEN,
     )
 
     scheme: Literal["RK4", "semi-implicit Euler"] = Field(

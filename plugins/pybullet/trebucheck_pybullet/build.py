@@ -24,6 +24,7 @@ from trebucheck.models.mechanism import Body, Mechanism
 from .engine import NO_LIMIT
 
 _CLOCKWISE = "0 0 -1"
+_THICKNESS = 1e-9  # of the square of a body's centre of mass from its joint: beyond rounding
 
 
 class Client:
@@ -174,8 +175,10 @@ def _add_link(
     inertial = ET.SubElement(ET.SubElement(root, "link", name=name), "inertial")
     ET.SubElement(inertial, "origin", xyz=f"{centre[0]!r} {centre[1]!r} 0")
     ET.SubElement(inertial, "mass", value=repr(mass))
-    # Of a flat body the inertias in its plane are half of that about its normal.
-    diagonal = {"ixx": 0.5 * inertia, "iyy": 0.5 * inertia, "izz": inertia}
+    # The inertias about axes in the plane play no part. Bullet refuses a body of which they are
+    # less, together, than the third about its joint: of a flat one rounding would decide that.
+    across = inertia + _THICKNESS * mass * (centre[0] ** 2 + centre[1] ** 2)
+    diagonal = {"ixx": across, "iyy": across, "izz": inertia}
     ET.SubElement(
         inertial,
         "inertia",

@@ -15,6 +15,7 @@ from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import NonNegative, Positive
 from trebucheck_toolkit.event_driver import EventDriver
+from trebucheck_toolkit.given_forces import GIVEN
 from trebucheck_toolkit.joint_tree import TreeMotion
 
 from .study import STUDY
@@ -50,6 +51,7 @@ class PyBulletEngine(BuiltinEngine):
         "multipliers (default: semi-implicit Euler, joint limits as velocity constraints solved by "
         "iteration)",
         features=frozenset(Feature),
+        elements=GIVEN,
     )
     default_options: ClassVar[Mapping[str, object] | None] = {
         "mode": "step",

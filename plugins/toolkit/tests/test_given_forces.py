@@ -35,11 +35,45 @@ class _Powers:
         return float(self.kinematics.angle(name).coefficients @ self.u)
 
 
-@pytest.mark.parametrize(
-    "name", ["squeezer", "motor", "thrown-plate", "spring-pendulum", "damped-oscillator"]
-)
-def test_their_power_is_that_of_the_elements_and_the_program_gives_the_same(name: str) -> None:
-    mechanism = benchmark(name).problem().mechanism
+def bead() -> tb.Mechanism:
+    """A block that a spring, a damper and a motor hold on a rod that swings."""
+    spring = tb.SlideSpringDamper(
+        name="spring", body="block", relative_to="rod", coordinate="s", stiffness=90.0, damping=3.0,
+        rest_position=0.3, force=7.0,
+    )  # fmt: skip
+    pin = tb.PinJoint(
+        name="pin", parent="ground", child="rod", parent_point=(0.1, 0.2), child_point=(0.0, 0.1)
+    )
+    rail = tb.PrismaticJoint(
+        name="rail", parent="rod", child="block", parent_point=(0.1, 0.2), child_point=(0.3, 0.0),
+        axis=(0.8, 0.6), coordinate="s", angle=0.4,
+    )  # fmt: skip
+    return tb.Mechanism(
+        name="bead",
+        bodies=(
+            tb.Body(name="rod", angle="b", mass=1.0, centre=(0.5, 0.1), inertia=0.08),
+            tb.Body(name="block", mass=2.5, centre=(0.1, 0.0), inertia=0.1),
+        ),
+        joints=(pin, rail),
+        force_elements=(spring,),
+        gravity=9.81,
+        start=(0.4, 0.3),
+    )
+
+
+MECHANISMS = [
+    *(
+        benchmark(name).problem().mechanism
+        for name in ("squeezer", "motor", "thrown-plate", "spring-pendulum", "damped-oscillator")
+    ),
+    bead(),
+]
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS, ids=lambda mechanism: mechanism.name)
+def test_their_power_is_that_of_the_elements_and_the_program_gives_the_same(
+    mechanism: tb.Mechanism,
+) -> None:
     rng = np.random.default_rng(26)
     q = np.array(mechanism.start) + 0.1 * rng.normal(size=len(mechanism.coordinates))
     u = rng.normal(size=len(q))

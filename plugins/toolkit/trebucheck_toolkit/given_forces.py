@@ -16,9 +16,13 @@ from typing import Any, Protocol
 from trebucheck.models import elements
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND
+from trebucheck.models.features import COVERED_BY_FEATURES
 from trebucheck.models.mechanism import Mechanism
 
 from .joint_coordinates import JointCoordinates
+
+GIVEN: frozenset[type] = COVERED_BY_FEATURES | {elements.SlideSpringDamper}
+"""Classes of elements of an engine of all joints whose forces are given."""
 
 
 def spring_force(
@@ -36,6 +40,25 @@ def spring_force(
     length = abs(between)
     stretching = (between.conjugate() * rate).real / length
     return (stiffness * (rest_length - length) - damping * stretching) * between / length
+
+
+def slide_force(
+    between: complex, rate: complex, axis: complex, turn: tuple[float, float],
+    stiffness: float, damping: float, rest_position: float, constant: float,
+) -> complex:  # fmt: skip
+    """Force [N] of a spring, damper and motor along a line of a body, on the point that slides.
+
+    Args:
+        between: from the line's origin to the point [m].
+        rate: its rate of change [m/s].
+        axis: direction of the line in its body's frame.
+        turn: clockwise angle [rad] and speed [rad/s] of that body.
+        stiffness, damping, rest_position, constant: [N/m], [N s/m], [m], [N].
+    """
+    along = axis * cmath.exp(-1j * turn[0])
+    slide = along.conjugate() * between
+    speed = (along.conjugate() * rate + 1j * turn[1] * slide).real
+    return (constant - stiffness * (slide.real - rest_position) - damping * speed) * along
 
 
 class Bodies(Protocol):
@@ -108,6 +131,17 @@ class GivenForces:
         law = element.stiffness, element.rest_angle, element.damping
         to.wind(element.body, element.relative_to, law)
 
+    def slide(self, element: elements.SlideSpringDamper, to: _Target) -> None:
+        """Give or write the force along a slide, and the opposite there."""
+        slide = self.mechanism.slide(element.coordinate)
+        joint = slide.joint
+        law = element.stiffness, element.damping, element.rest_position, element.force
+        to.slide(
+            (joint.child, self.arm(joint.child, joint.child_point)),
+            (joint.parent, self.arm(joint.parent, joint.parent_point)),
+            (complex(slide.direction), *law),
+        )
+
     def push(self, element: elements.ConstantForce, to: _Target) -> None:
         """Give or write a constant force."""
         if element.body != GROUND:
@@ -122,6 +156,7 @@ class GivenForces:
 
 _Ends = tuple[str, complex]
 _Law = tuple[float, float, float]
+_SlideLaw = tuple[complex, float, float, float, float]
 
 
 class _Target(Protocol):
@@ -130,6 +165,8 @@ class _Target(Protocol):
     def pull(self, end: _Ends, other: _Ends, law: _Law) -> None: ...
 
     def wind(self, body: str, other: str, law: _Law) -> None: ...
+
+    def slide(self, end: _Ends, other: _Ends, law: _SlideLaw) -> None: ...
 
     def push(self, body: str, arm: complex, force: complex) -> None: ...
 
@@ -164,6 +201,15 @@ class _Present:
         for name, sign in ((body, 1), (other, -1)):
             if name != GROUND:
                 self.bodies.twist(name, sign * torque)
+
+    def slide(self, end: _Ends, other: _Ends, law: _SlideLaw) -> None:
+        (z1, v1), (z0, v0) = self.point(*end), self.point(*other)
+        axis, *rest = law
+        turn = self.forces.turns[other[0]].of(self.q, self.u)
+        force = slide_force(z1 - z0, v1 - v0, axis, turn, *rest)
+        for (name, _), sign in ((end, 1), (other, -1)):
+            if name != GROUND:
+                self.bodies.push(name, z1, sign * force)
 
     def push(self, body: str, arm: complex, force: complex) -> None:
         self.bodies.push(body, self.point(body, arm)[0], force)
@@ -258,6 +304,18 @@ class _Written:
             if name != GROUND:
                 self.statements.append(f"twist({name!r}, {sign} * torque)")
 
+    def slide(self, end: _Ends, other: _Ends, law: _SlideLaw) -> None:
+        axis, *numbers = map(repr, law)
+        line = f"{axis}, {self.turn(other[0])}"
+        self.statements += [
+            f"z1, v1 = {self.point(*end)}",
+            f"z0, v0 = {self.point(*other)}",
+            f"force = slide_force(z1 - z0, v1 - v0, {line}, {', '.join(numbers)})",
+        ]
+        for (name, _), sign in ((end, "1"), (other, "-1")):
+            if name != GROUND:
+                self.statements.append(f"push({name!r}, z1, {sign} * force)")
+
     def push(self, body: str, arm: complex, force: complex) -> None:
         self.statements.append(f"push({body!r}, {self.point(body, arm)}[0], {force!r})")
 
@@ -273,6 +331,7 @@ _GIVEN: elements.ElementTable[Callable[[GivenForces, Any, _Target], None]] = ele
         elements.RotationalSpringDamper: GivenForces.wind,
         elements.ConstantForce: GivenForces.push,
         elements.ConstantTorque: GivenForces.twist,
+        elements.SlideSpringDamper: GivenForces.slide,
     },
     others="our adapter gives no such force",
 )
@@ -288,5 +347,7 @@ def program(mechanism: Mechanism) -> tuple[list[str], list[str]]:
     written = _Written(forces)
     for element in mechanism.force_elements:
         _GIVEN[element](forces, element, written)
-    definitions = [inspect.getsource(each) for each in (spring_force, point_of)]
-    return definitions, written.statements
+    functions = [spring_force, point_of]
+    if any("slide_force(" in statement for statement in written.statements):
+        functions.append(slide_force)
+    return [inspect.getsource(each) for each in functions], written.statements
