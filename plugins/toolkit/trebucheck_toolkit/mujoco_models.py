@@ -45,8 +45,9 @@ from trebucheck.engines.study import (
 )
 from trebucheck.engines.supplied import Assistance, Part, all_by
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import RotorInertia, SlideSpringDamper, TranslationJoint
 from trebucheck.models.errors import InputError, UnsupportedProblemError
-from trebucheck.models.features import Basic, Feature
+from trebucheck.models.features import COVERED_BY_FEATURES, Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.mjcf.writer import (
     KINETIC_ENERGY,
@@ -103,6 +104,7 @@ def capabilities_of(precision: str) -> Capabilities:
         formulation=f"minimal relative joints, RK4, {precision} precision; stops, loops and "
         "springs by multipliers (by itself: soft limits, contacts, equalities and tendons)",
         features=frozenset(Feature),
+        elements=COVERED_BY_FEATURES | {RotorInertia, SlideSpringDamper, TranslationJoint},
     )
 
 
@@ -228,8 +230,9 @@ class MujocoModelEngine(BuiltinEngine):
 
 
 def tree_of(mechanism: Mechanism) -> Mechanism:
-    """A mechanism without stops, loops and springs."""
-    alone = {"stops": (), "force_elements": (), "joints": mechanism.tree_joints}
+    """A mechanism without stops, loops and forces; rotors are a part of its joints."""
+    rotors = tuple(each for each in mechanism.force_elements if isinstance(each, RotorInertia))
+    alone = {"stops": (), "force_elements": rotors, "joints": mechanism.tree_joints}
     return mechanism.model_copy(update=alone)
 
 
@@ -441,7 +444,8 @@ class Motion(ConstrainedDynamics):
     def __init__(self, mechanism: Mechanism, built: CompiledModel) -> None:
         self.built = built
         super().__init__(mechanism, _Tree(built))
-        self.plain = not (mechanism.loop_joints or mechanism.force_elements)
+        rotors = tree_of(mechanism).force_elements
+        self.plain = not (mechanism.loop_joints or set(mechanism.force_elements) - set(rotors))
 
     def advance(
         self, state: tuple[FloatArray, FloatArray], step: float, held: Contacts
