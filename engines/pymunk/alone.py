@@ -221,7 +221,7 @@ def build(mechanism: Mechanism, options: PymunkOptions) -> DocumentedSpace:
     for joint in rigid.joints:
         JOINT_BUILDERS[joint](builder, joint)
     for coupler in rigid.couplers:
-        builder.add(gear_of(coupler, made.assembly))
+        COUPLER_BUILDERS[coupler](builder, coupler)
     for stop in rigid.stops:
         add_stop = STOP_BUILDERS[stop]
         if stop.body != stop.relative_to:  # else within one rigid body
@@ -295,6 +295,10 @@ class _Builder:
             turns = round((b.angle - a.angle + joint.turned_by) / (2 * math.pi))
             phase = 2 * math.pi * turns - joint.turned_by
             self.add(constraints.GearJoint(a, b, phase, 1.0))
+
+    def add_coupler(self, coupler: elements.Coupler) -> None:
+        """Add a gear."""
+        self.add(gear_of(coupler, self.assembly))
 
     # --- Stops
 
@@ -417,6 +421,9 @@ JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = element
         elements.FreeJoint: _Builder.add_nothing,
         elements.TranslationJoint: _Builder.hold_angle,
     },
+)
+COUPLER_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
+    "pymunk by itself", elements.COUPLERS, {elements.Coupler: _Builder.add_coupler}
 )
 STOP_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
     "pymunk by itself",

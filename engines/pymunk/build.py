@@ -36,7 +36,7 @@ from ...models.kinematics import Kinematics, initial_state
 from ...models.mechanism import Mechanism
 from ...models.spec import Vector
 from .bodies import Assembly, Rod, gear_of, is_brace, parts_of, same_point, without_welds
-from .loads import Combination, EngineAngle, Line, RodAngle, Term, pull, slide_force, twist
+from .loads import Combination, EngineAngle, RodAngle, SlideLine, Term, pull, slide_force, twist
 
 _SLIDING_LENGTH = 1.0  # [m] length of the rod that keeps a point on a line
 
@@ -62,7 +62,7 @@ def build(
     for joint in rigid.loop_joints:
         LOOP_JOINT_BUILDERS[joint](builder, joint)
     for coupler in rigid.couplers:
-        builder.add(gear_of(coupler, assembly))
+        COUPLER_BUILDERS[coupler](builder, coupler)
     for stop in rigid.stops:
         build_stop = STOP_BUILDERS[stop]
         if not stop.closed:
@@ -205,6 +205,10 @@ class _Builder:
         (a, _), (b, _) = self.assembly.end(parent, 0j), self.assembly.end(child, 0j)
         return constraints.GearJoint(a, b, b.angle - a.angle, 1.0)
 
+    def add_coupler(self, coupler: elements.Coupler) -> None:
+        """Add a gear."""
+        self.add(gear_of(coupler, self.assembly))
+
     # --- Stops
 
     def point_contact(self, stop: elements.PointStop) -> tuple[constraints.Constraint, Rod]:
@@ -275,7 +279,7 @@ class _Builder:
         joint = slide.joint
         base = self.assembly.parts.get(joint.parent)  # none: the ground
         origin = self.point(joint.parent, complex(*joint.parent_point))
-        line = Line(base and base.body, origin, slide.direction)
+        line = SlideLine(base and base.body, origin, slide.direction)
         point = self.point(joint.child, complex(*joint.child_point))
         self.assembly.loads.append(slide_force(force, point, line))
 
@@ -397,6 +401,9 @@ LOOP_JOINT_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = el
         elements.FreeJoint: "a free joint closes no loop",
         elements.TranslationJoint: "it closes no loop",
     },
+)
+COUPLER_BUILDERS: elements.ElementTable[Callable[[_Builder, Any], None]] = elements.ElementTable(
+    "pymunk", elements.COUPLERS, {elements.Coupler: _Builder.add_coupler}
 )
 STOP_BUILDERS: elements.ElementTable[
     Callable[[_Builder, Any], tuple[constraints.Constraint, Rod | None]]

@@ -186,7 +186,7 @@ def twist(
 
 
 @dataclass(frozen=True)
-class Line:
+class SlideLine:
     """A line of a body along which a point of another one slides."""
 
     body: pymunk.Body | None  # None: a line of the ground
@@ -194,7 +194,9 @@ class Line:
     axis: complex  # its direction in the body's frame
 
 
-def slide_force(force: Callable[[float, float], float], point: Combination, line: Line) -> Load:
+def slide_force(
+    force: Callable[[float, float], float], point: Combination, line: SlideLine
+) -> Load:
     """A force on a point along a line, and the opposite on the line's body there.
 
     By the slide [m] and its rate [m/s], [N].

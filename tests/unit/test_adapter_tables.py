@@ -12,7 +12,7 @@ from trebucheck.models.mechanism import Mechanism
 
 TABLES = {
     "exudyn": ("BUILDERS",),
-    "pymunk": ("TREE_JOINT_BUILDERS", "STOP_BUILDERS", "FORCE_BUILDERS"),
+    "pymunk": ("TREE_JOINT_BUILDERS", "STOP_BUILDERS", "COUPLER_BUILDERS", "FORCE_BUILDERS"),
 }
 
 
