@@ -347,7 +347,7 @@ def program(mechanism: Mechanism) -> tuple[list[str], list[str]]:
     written = _Written(forces)
     for element in mechanism.force_elements:
         _GIVEN[element](forces, element, written)
-    functions = [spring_force, point_of]
+    functions: list[Callable[..., Any]] = [spring_force, point_of]
     if any("slide_force(" in statement for statement in written.statements):
         functions.append(slide_force)
     return [inspect.getsource(each) for each in functions], written.statements
