@@ -211,9 +211,13 @@ def test_other_engines_move_what_was_read() -> None:
     exudyn, pymunk = found.engines
     assert exudyn.error is not None
     assert exudyn.error < 1e-5
-    # Its adapter has no springs along slides, which the row says
-    assert pymunk.error is None
-    assert "slide" in (pymunk.message or "")
+    # Places and speeds are half a step apart, which is h/2 of the greatest speed.
+    assert pymunk.error == pytest.approx(0.5 * pymunk.timestep * 0.5 * RATE, rel=0.01)
+    # Its adapter has no inertias along slides, which the row says
+    driven = oscillator().replace('type="slide"', 'type="slide" armature="0.1"')
+    (refused,) = audited(driven, 0.5, qpos=[0.5], engines=("pymunk",)).engines
+    assert refused.error is None
+    assert "inertias along slides" in (refused.message or "")
     with pytest.raises(tb.InputError, match="nosuch"):
         audited(oscillator(), 0.5, qpos=[0.5], engines=("nosuch",))
 

@@ -18,6 +18,7 @@ from trebucheck.models import kinematics
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.elements import (
     CONSUMERS,
+    COUPLERS,
     ELEMENTS,
     FORCE_ELEMENTS,
     JOINTS,
@@ -162,7 +163,8 @@ def test_tables_are_over_the_groups_of_elements() -> None:
     import_everything()
     for table in CONSUMERS:
         stated = table.handlers.keys() | table.refused.keys()
-        assert table.group in (JOINTS, STOPS, FORCE_ELEMENTS, ELEMENTS), table.consumer
+        groups = (JOINTS, STOPS, FORCE_ELEMENTS, COUPLERS, ELEMENTS)
+        assert table.group in groups, table.consumer
         assert stated <= set(table.group), table.consumer
 
 
