@@ -233,9 +233,13 @@ class Kinematics(Phasors):
         """Kinetic energy [J], shape (...,)."""
         speeds = self.flow(q, u, self.rates(q)) @ self.centres.T
         doubled = np.abs(speeds) ** 2 @ self.masses + u**2 @ self.inertias
-        if self.rotor_inertias is not None:
-            doubled = doubled + np.sum((u @ self.rotor_inertias) * u, axis=-1)
-        return 0.5 * doubled
+        return 0.5 * doubled + self.rotor_energy(u)
+
+    def rotor_energy(self, u: FloatArray) -> FloatArray:
+        """Kinetic energy of rotors, beyond that of the bodies [J], shape (...,)."""
+        if self.rotor_inertias is None:
+            return np.zeros(u.shape[:-1])
+        return 0.5 * np.sum((u @ self.rotor_inertias) * u, axis=-1)
 
     def potential_energy(self, q: FloatArray) -> FloatArray:
         """Potential energy of gravity [J], zero at the world's origin, shape (...,)."""

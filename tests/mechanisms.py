@@ -10,6 +10,7 @@ import functools
 import math
 
 import numpy as np
+import trebucheck as tb
 from trebucheck.models.elements import (
     GROUND,
     AnyForceElement,
@@ -76,6 +77,18 @@ def errors_of(found: Trajectory, exact: Solution) -> dict[str, float]:
     for joint, force in there.joint_reactions.items():
         pairs[joint] = found.joint_reactions[joint], force
     return {name: float(np.abs(mine - its).max()) for name, (mine, its) in pairs.items()}
+
+
+def errors_at(
+    steps: tuple[float, ...], engine: str, preset: str, problem: Problem
+) -> list[dict[str, float]]:
+    """The same of an engine's runs with these steps [s], the last of which may end beyond."""
+    longer = problem.duration + max(steps)
+    exact = solve(problem.model_copy(update={"duration": longer}))
+    return [
+        errors_of(tb.engine(engine, preset, timestep=step).simulate(problem), exact)
+        for step in steps
+    ]
 
 
 # --- Parts

@@ -425,17 +425,16 @@ def _of_parts(mechanism: Mechanism, reference: Expected, inspection: Inspection)
     start = np.abs(inspection.start_speeds - speeds)
     scale = np.maximum(lengths / units.time, np.abs(speeds))
     yield _by_name("start speed", names, start[None], scale)
-    bodies = [body.name for body in mechanism.bodies]
+    bodies, reach = [body.name for body in mechanism.bodies], np.abs(reference.centres).max() or 1.0
     if all(set(bodies) <= set(d.centres) for d in dynamics):
         centres = np.array([[d.centres[name] for name in bodies] for d in dynamics])
-        reach = np.full(len(bodies), float(np.abs(reference.centres).max()) or 1.0)
         off = np.linalg.norm(centres - reference.centres, axis=2)
-        yield _by_name("centre of mass", bodies, off, reach)
-    loops = [joint.name for joint in mechanism.loop_joints if joint.held_directions]
-    if loops and all(set(loops) <= set(d.joint_gaps) for d in dynamics):
-        apart = np.array([[d.joint_gaps[name] for name in loops] for d in dynamics])
-        reach = np.full(len(loops), float(np.abs(reference.centres).max()) or 1.0)
-        yield _by_name("joint position", loops, np.abs(apart), reach)
+        yield _by_name("centre of mass", bodies, off, np.full(len(bodies), reach))
+    shown = {name for d in dynamics for name in d.joint_gaps}
+    loops = [joint.name for joint in mechanism.loop_joints if joint.name in shown]
+    if loops:
+        apart = np.array([[d.joint_gaps.get(name, math.nan) for name in loops] for d in dynamics])
+        yield _by_name("joint position", loops, np.abs(apart), np.full(len(loops), reach))
     masses = [d.mass_matrix for d in dynamics if d.mass_matrix is not None]
     if len(masses) == len(dynamics):
         scales = np.sqrt(np.einsum("ni,nj->nij", *[np.einsum("nii->ni", reference.mass)] * 2))

@@ -452,9 +452,8 @@ def recording(
         markers[marker.name] = PointMotion(position, plane("marker", marker.name, "Velocity"))
 
     kinetic = [values(("body", body.name, "KineticEnergy"))[:, 0] for body in mechanism.bodies]
-    u, rotors = coordinates(mechanism, values, speeds=True), Kinematics(mechanism).rotor_inertias
-    if rotors is not None:
-        kinetic.append(0.5 * np.sum((u @ rotors) * u, axis=1))
+    u = coordinates(mechanism, values, speeds=True)
+    kinetic.append(Kinematics(mechanism).rotor_energy(u))
     # Exudyn has no sensor of the potential energy.
     places = [plane("body", body.name, "CoordinatesTotal") for body in mechanism.bodies]
     heights = np.array(places) @ -np.array(mechanism.gravity_direction)

@@ -173,10 +173,9 @@ class MotionReading:
             kinetic += 0.5 * (body.mass * np.abs(velocity) ** 2 + body.inertia * u**2)
             potential -= body.mass * (centre * weight.conjugate()).real
         if self.mechanism.force_elements:
-            potential += self._applied.potential_energy(self.motion[0])
-        rotors, (_, speeds, _) = self._applied.kinematics.rotor_inertias, self.motion
-        if rotors is not None:
-            kinetic += 0.5 * np.sum((speeds @ rotors) * speeds, axis=-1)
+            q, speeds, _ = self.motion
+            potential += self._applied.potential_energy(q)
+            kinetic += self._applied.kinematics.rotor_energy(speeds)
         return kinetic, potential
 
     @cached_property

@@ -60,21 +60,31 @@ class Apart(ReferenceEngine):
 
     by: float = 0.0
     """[m]"""
+    shown: int = 24
+    """States in which it is told."""
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         right = super().inspect(mechanism, states)
         gaps = {joint.name: self.by for joint in mechanism.loop_joints}
-        wrong = tuple(replace(each, joint_gaps=gaps) for each in right.dynamics)
+        wrong = tuple(
+            replace(each, joint_gaps=gaps if k < self.shown else {})
+            for k, each in enumerate(right.dynamics)
+        )
         return replace(right, dynamics=wrong)
 
 
 def test_a_loop_that_is_apart_is_another_mechanism() -> None:
     """A pin of the ground that is elsewhere changes no acceleration."""
     mechanism = four_bar()
-    assert check_model(Apart(by=0.0), mechanism).holds
-    (check,) = check_model(Apart(by=1e-3), mechanism).broken
+    assert check_model(Apart(by=0.0, shown=24), mechanism).holds
+    (check,) = check_model(Apart(by=1e-3, shown=24), mechanism).broken
     (closing,) = mechanism.loop_joints
     assert (check.name, check.subject) == ("joint position", closing.name)
+
+
+def test_a_gap_that_is_told_in_some_states_alone_is_missing_in_the_others() -> None:
+    (check,) = check_model(Apart(by=0.0, shown=3), four_bar()).broken
+    assert (check.name, check.value) == ("joint position", None)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import trebucheck as tb
-from mechanisms import errors_of, pin
+from mechanisms import errors_at, pin
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.models.mjcf.writer import mjcf
 from trebucheck.reference.certification.redundant import RedundantSystem
@@ -121,11 +121,8 @@ def test_it_is_two_slides_in_mjcf_that_are_read_again() -> None:
 def test_pymunk_moves_it_without_turning_it() -> None:
     mechanism = plate(*springs())
     assert check_model(tb.engine("pymunk"), mechanism).holds
-    exact = solve(tb.Problem(mechanism, duration=0.3))
-    coarse, fine = (
-        errors_of(tb.engine("pymunk", timestep=h).simulate(exact.problem), exact)
-        for h in (2e-3, 1e-3)
-    )
+    problem = tb.Problem(mechanism, duration=0.3)
+    coarse, fine = errors_at((2e-3, 1e-3), "pymunk", "assisted", problem)
     for name, error in coarse.items():  # the leapfrog's order
         assert error / fine[name] == pytest.approx(4, rel=0.1), name
 
@@ -137,11 +134,7 @@ def test_pymunk_by_itself_holds_its_angle_by_a_gear(preset: str) -> None:
     problem, names = tb.Problem(mechanism, duration=0.3), dict[str, Any]()
     exec(engine.script(problem), names)
     assert np.array_equal(names["q"], engine.simulate(problem).q)
-    exact = solve(tb.Problem(mechanism, duration=0.4))
-    coarse, fine = (
-        errors_of(tb.engine("pymunk", preset, timestep=h).simulate(problem), exact)
-        for h in (1e-3, 5e-4)
-    )
+    coarse, fine = errors_at((1e-3, 5e-4), "pymunk", preset, problem)
     assert coarse["q"] / fine["q"] == pytest.approx(2, rel=0.15)
 
 

@@ -18,11 +18,12 @@ import numpy as np
 from pydantic import Field
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, has_stops
+from trebucheck.engines.supplied import Assistance
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
+from trebucheck_toolkit.kept_limits import HELD_FROM_BOTH_SIDES
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
 from trebucheck_toolkit.node_scene import BUILT, NodeScene
@@ -106,13 +107,7 @@ class JoltEngine(NodeEngine):
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
-        Assistance(
-            Part.EVENTS,
-            "holds a stop from both sides while it pushes, and lets it go where it would pull",
-            "hold",
-            off=False,
-            acts_on=has_stops,
-        ),
+        HELD_FROM_BOTH_SIDES,
         *(NodeEngine.assistance or ()),
     )
 

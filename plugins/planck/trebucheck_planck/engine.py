@@ -21,12 +21,12 @@ import numpy as np
 from pydantic import Field
 from trebucheck.engines.protocol import Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, has_stops
+from trebucheck.engines.supplied import Assistance
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
+from trebucheck_toolkit.kept_limits import HELD_FROM_BOTH_SIDES, LIMITS_TAKEN_OUT, KeepLimits
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
 from trebucheck_toolkit.node_scene import BUILT, NodeScene, lawful_stops
@@ -104,20 +104,14 @@ class PlanckEngine(NodeEngine):
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
-        Assistance(
-            Part.EVENTS,
-            "holds a stop from both sides while it pushes, and lets it go where it would pull",
-            "hold",
-            off=False,
-            acts_on=has_stops,
-        ),
+        HELD_FROM_BOTH_SIDES,
         LIMITS_TAKEN_OUT,
         *(NodeEngine.assistance or ()),
     )
 
     @property
     def _moves_limits(self) -> bool:
-        """Whether limits change in a run; the program then tells the torque of each stop."""
+        """Tell whether limits change in a run; the program then tells the torque of each stop."""
         return self.hold or not self.keep_limits
 
     def _values(self, scene: NodeScene) -> Mapping[str, Any]:

@@ -102,7 +102,7 @@ class PyBulletEngine(BuiltinEngine):
 
     @property
     def supplied(self) -> Supplied:
-        """All but the dynamics; by itself what is read off Bullet's steps, and given forces."""
+        """Parts that trebucheck does: all but the dynamics; by itself readings and given forces."""
         return MOVED if self.mode == "dynamics" else self.readings
 
     def _run(self, problem: Problem) -> Recording:

@@ -132,8 +132,8 @@ class RapierEngine(NodeEngine):
         return slots if self.carriage is None else frozenset()
 
     @property
-    def release_gap(self) -> float:  # type: ignore[override]
-        """That at which stops are taken out, if they are [rad]."""
+    def release_gap(self) -> float:
+        """Gap at which stops are taken out, if they are [rad]."""
         return self.opening or OPENING
 
     def _scene(self, mechanism: Mechanism) -> NodeScene:

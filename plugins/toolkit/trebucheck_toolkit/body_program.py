@@ -33,13 +33,9 @@ from trebucheck.models.elements import (
     GROUND,
     ConstantForce,
     ConstantTorque,
-    CubicTorsionSpring,
     ElementTable,
-    RecordedForce,
-    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
-    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -47,7 +43,7 @@ from trebucheck.models.mechanism import Mechanism, Slide
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
 
-from .node_scene import MIRROR, NodeScene
+from .node_scene import MIRROR, REFUSED, NodeScene
 
 
 class Frames(Protocol):
@@ -228,10 +224,5 @@ _LOADS: ElementTable[Callable[[Frames, Any], list[str]]] = ElementTable(
         SlideSpringDamper: _slide_spring,
         RotorInertia: _rotor,
     },
-    {
-        CubicTorsionSpring: "its springs are linear",
-        SlideInertia: "our adapter adds no inertia along slides",
-        RecordedForce: "our adapter follows no record of efforts",
-        RecordedTorque: "our adapter follows no record of efforts",
-    },
+    REFUSED,
 )

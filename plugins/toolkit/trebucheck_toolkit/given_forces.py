@@ -43,9 +43,15 @@ def spring_force(
 
 
 def slide_force(
-    between: complex, rate: complex, axis: complex, turn: tuple[float, float],
-    stiffness: float, damping: float, rest_position: float, constant: float,
-) -> complex:  # fmt: skip
+    between: complex,
+    rate: complex,
+    axis: complex,
+    turn: tuple[float, float],
+    stiffness: float,
+    damping: float,
+    rest_position: float,
+    constant: float,
+) -> complex:
     """Force [N] of a spring, damper and motor along a line of a body, on the point that slides.
 
     Args:
@@ -160,7 +166,7 @@ _SlideLaw = tuple[complex, float, float, float, float]
 
 
 class _Target(Protocol):
-    """What is done with a force: it is given to bodies, or written down."""
+    """Receiver of forces: bodies to which they are given, or a text in which they are written."""
 
     def pull(self, end: _Ends, other: _Ends, law: _Law) -> None: ...
 

@@ -10,6 +10,15 @@ from typing import Annotated
 from pydantic import Field
 from trebucheck.engines.supplied import Assistance, Part, has_stops
 
+HELD_FROM_BOTH_SIDES = Assistance(
+    Part.EVENTS,
+    "holds a stop from both sides while it pushes, and lets it go where it would pull",
+    "hold",
+    off=False,
+    acts_on=has_stops,
+)
+"""Work of the option `hold` of an adapter that has it."""
+
 KeepLimits = Annotated[
     bool,
     Field(

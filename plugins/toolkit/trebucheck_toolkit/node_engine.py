@@ -39,6 +39,7 @@ from trebucheck.engines.point_masses import (
 from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.supplied import Assistance, Part, Supplied
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.elements import GROUND
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
@@ -71,8 +72,6 @@ class NodeEngine(BuiltinEngine):
     """Angle by which limits may give way without being open [rad]."""
     reads_back: ClassVar[bool] = False
     """Whether the program can tell what the world holds."""
-    release_gap: ClassVar[float] = OPENING
-    """Gap from which releases are looked back for, if no torque tells them [rad]."""
     roundoff: ClassVar[float] = 2.0**-53
     """Unit roundoff of the numbers that the world holds, for the model check."""
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
@@ -106,6 +105,11 @@ class NodeEngine(BuiltinEngine):
     def absence(cls) -> str:
         """Missing program or package and how to install it, in one sentence."""
         return cls.npm.absence()
+
+    @property
+    def release_gap(self) -> float:
+        """Gap from which releases are looked back for, if no torque tells them [rad]."""
+        return OPENING
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Inspect the built world in each state, without masses moved along pins for the motion.
@@ -191,8 +195,7 @@ class NodeEngine(BuiltinEngine):
         if self.fit_steps and problem.duration:
             step = problem.duration / (len(sample_times(problem.duration, step, fit=True)) - 1)
         limits = self._limits(problem, scene)
-        names = {index: name for name, index in scene.index.items()}
-        names |= dict(enumerate(scene.others, len(scene.mechanism.bodies)))
+        names = {-1: GROUND, **dict(enumerate(scene.names))}
         joints: list[Json] = [
             {
                 "axis": None,

@@ -90,7 +90,7 @@ class NodePackage:
     def _written(
         self, program: str, read: Callable[[IO[bytes]], dict[str, Any] | None]
     ) -> dict[str, Any]:
-        """What Node.js writes in the package's folder, as `read` reads it.
+        """Run a program in the package's folder, for what it writes, as `read` reads it.
 
         The process is ended once it has written them: at its end V8 waits for what it compiles
         beside a run, which takes longer than most runs do, or for ever (nodejs/node#54918).

@@ -31,13 +31,9 @@ from trebucheck.models.elements import (
     GROUND,
     ConstantForce,
     ConstantTorque,
-    CubicTorsionSpring,
     ElementTable,
-    RecordedForce,
-    RecordedTorque,
     RotationalSpringDamper,
     RotorInertia,
-    SlideInertia,
     SlideSpringDamper,
     SpringDamper,
 )
@@ -46,7 +42,7 @@ from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
 
 from .node_package import ARRAYS
-from .node_scene import MIRROR, NodeScene
+from .node_scene import MIRROR, REFUSED, NodeScene
 
 
 def node_program(
@@ -72,14 +68,13 @@ def node_program(
             besides.
     """
     mechanism = scene.mechanism
-    names = [*(body.name for body in mechanism.bodies), *scene.others]
-    known = {"scene": scene, "problem": problem, "names": names, "text": _text}
+    known = {"scene": scene, "problem": problem, "names": scene.names, "text": _text}
     engine = filled_template(module, "alone.mjs.j2", **known, **values)
     return filled_template(
         __name__,
         "program.mjs.j2",
         engine=engine,
-        names=names,
+        names=scene.names,
         timestep=timestep,
         steps=0 if tells else whole_steps(problem.duration, timestep),
         tells=tells,
@@ -167,10 +162,5 @@ _LOADS: ElementTable[Callable[[NodeScene, Any], list[str]]] = ElementTable(
         SlideSpringDamper: _slide_spring,
         RotorInertia: _rotor,
     },
-    {
-        CubicTorsionSpring: "its springs are linear",
-        SlideInertia: "our adapter adds no inertia along slides",
-        RecordedForce: "our adapter follows no record of efforts",
-        RecordedTorque: "our adapter follows no record of efforts",
-    },
+    REFUSED,
 )

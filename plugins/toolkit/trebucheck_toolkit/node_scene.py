@@ -9,6 +9,7 @@ taken into half a turn where a body is made.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,16 @@ from trebucheck.models.elements import (
     STOPS,
     AnyJoint,
     AnyStop,
+    CubicTorsionSpring,
     ElementTable,
     FreeJoint,
     PinJoint,
     PointStop,
     PrismaticJoint,
+    RecordedForce,
+    RecordedTorque,
     RotorInertia,
+    SlideInertia,
     SlideSpringDamper,
     SlotJoint,
     Stop,
@@ -41,6 +46,13 @@ from trebucheck.models.spec import Vector
 
 Json = dict[str, Any]
 MIRROR = np.array([1.0, -1.0])
+REFUSED: Mapping[type, str] = {
+    CubicTorsionSpring: "its springs are linear",
+    SlideInertia: "our adapter adds no inertia along slides",
+    RecordedForce: "our adapter follows no record of efforts",
+    RecordedTorque: "our adapter follows no record of efforts",
+}
+"""Force elements that programs of bodies do not have, each with the reason."""
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {RotorInertia, SlideSpringDamper}
 """Classes of elements that a scene and its programs build; an engine may lack joints of them."""
 
@@ -114,6 +126,11 @@ class NodeScene:
         """Joints that carry limits, by the names of parent and child."""
         for joint in mechanism.joints:
             getattr(self, _JOINTS[joint])(joint, self._ends(joint))
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the bodies, in their order."""
+        return [*(body.name for body in self.mechanism.bodies), *self.others]
 
     def offset(self, body: str, point: Vector) -> FloatArray:
         """Vector from a body's centre of mass to a point at the start; of the ground the point."""
