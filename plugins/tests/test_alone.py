@@ -125,6 +125,11 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),
     ),
+    "physx": Case(
+        frozenset({"timestep", "position_iterations", "velocity_iterations", "angular_damping"})
+        | {"max_angular_velocity", "sleep_threshold", "plane"},
+        ("fixed", "slider-crank", "spring-pendulum", "bead"),
+    ),
     "havok": Case(
         frozenset({"timestep", "ideal_step", "locks_plane", "angular_damping", "stabilization"})
         | {"speed_limit", "turning_limit", "allow_sleep"},

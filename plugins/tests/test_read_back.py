@@ -23,6 +23,7 @@ CASES: Mapping[str, tuple[str, ...]] = {
     "rapier": SLIDES,
     "jolt": SLIDES,
     "havok": ("slider-crank", "chain", "bead"),
+    "physx": SLIDES,
     "p2": ("slider-crank", "thrown-plate", "incline", "bead"),
     "cannon": ("n-four-bar", "thrown-plate", "welded-rods"),
     "matter": PINS,

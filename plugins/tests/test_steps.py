@@ -105,6 +105,9 @@ SINGLE = (
     # Releases and positions as with Box2D; torques: its rounding, and a step of the tenth of a
     # second in which one ends.
     Steps("jolt", "assisted", 8e-3, limits=Limits(release=5e-3, torque=3e-2, position=1e-2)),
+    # Positions: first order, 1e-2 m at this step.
+    Steps("physx", "assisted", 8e-3, limits=Limits(position=1e-2)),
+    Steps("physx", "settings", 8e-3, limits=Limits(position=1e-2)),
 )
 """Those of first order and single precision."""
 IMPULSES = (

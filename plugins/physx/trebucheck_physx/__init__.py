@@ -1,0 +1,1 @@
+"""PhysX as an engine of trebucheck."""
