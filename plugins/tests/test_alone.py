@@ -125,6 +125,11 @@ CASES: Mapping[str, Case] = {
         frozenset({"timestep", "substeps", "passes", "allow_sleep"}),
         ("fixed", "three-cranks", "spring-pendulum"),
     ),
+    "ovphysx": Case(
+        frozenset({"timestep", "solver", "position_iterations", "velocity_iterations"})
+        | {"angular_damping", "max_angular_velocity", "sleep_threshold"},
+        ("fixed", "chain", "spring-pendulum", "bead"),
+    ),
     "physx": Case(
         frozenset({"timestep", "position_iterations", "velocity_iterations", "angular_damping"})
         | {"max_angular_velocity", "sleep_threshold", "plane"},

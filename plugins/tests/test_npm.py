@@ -6,7 +6,9 @@ import pytest
 import trebucheck as tb
 
 
-@pytest.mark.parametrize("name", ["planck", "rapier", "jolt", "havok", "physx", "p2", "cannon", "matter"])
+@pytest.mark.parametrize(
+    "name", ["planck", "rapier", "jolt", "havok", "physx", "p2", "cannon", "matter"]
+)
 def test_what_is_missing_is_said(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if name not in tb.engines():
         pytest.skip(f"{name} is not installed here")

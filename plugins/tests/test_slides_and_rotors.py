@@ -11,7 +11,7 @@ import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model
 from trebucheck.reference.solver import solve
 
-WITH_SLIDES = ("planck", "rapier", "jolt", "havok", "physx", "p2", "pyb2d3")
+WITH_SLIDES = ("planck", "rapier", "jolt", "havok", "physx", "p2", "pyb2d3", "ovphysx")
 WITHOUT = ("cannon", "matter")
 TREES = ("drake", "dart", "pybullet")
 """In joint coordinates, where a rotor of a body is no part of its moment: without rotors."""

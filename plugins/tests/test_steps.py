@@ -108,6 +108,10 @@ SINGLE = (
     # Positions: first order, 1e-2 m at this step.
     Steps("physx", "assisted", 8e-3, limits=Limits(position=1e-2)),
     Steps("physx", "settings", 8e-3, limits=Limits(position=1e-2)),
+    # A limit's torque below the moment of its joint's force on a step's way is none, which ends it
+    # a step before.
+    Steps("ovphysx", "assisted", 4e-3, limits=Limits(release=3e-3, position=1e-2, slots=False)),
+    Steps("ovphysx", "settings", 4e-3, limits=Limits(release=3e-3, position=1e-2, slots=False)),
 )
 """Those of first order and single precision."""
 IMPULSES = (

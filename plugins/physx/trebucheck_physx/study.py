@@ -39,7 +39,7 @@ STUDY = EngineStudy(
     # Positions are added to once a step: iterations change speeds alone.
     additions=lambda _: 1,
     title="PhysX",
-    binding="the npm package `physx-js-webidl` (WebAssembly), moved by Node.js, in single precision",
+    binding="the npm package `physx-js-webidl`, moved by Node.js, in single precision",
     maintainers_note=MaintainersNote(
         chosen="`default` is a scene that sets nothing but what holds it in the plane, at the step "
         "of PhysX's SnippetHelloWorld: every body loses a twentieth of its angular speed in a "

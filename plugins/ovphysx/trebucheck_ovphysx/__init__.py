@@ -1,0 +1,1 @@
+"""PhysX by ovphysx as an engine of trebucheck."""
