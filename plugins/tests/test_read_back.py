@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import pytest
 import trebucheck as tb
 from trebucheck.comparisons.diagnosis.equivalence import check_model
+from trebucheck.engines.presets import PRESETS
 from trebucheck.models.library.registry import benchmark
 
 SLIDES = ("slider-crank", "chain", "thrown-plate", "incline", "bead")
@@ -60,3 +61,13 @@ def test_the_world_is_read_back_and_a_fault_in_it_is_found(
         inspect=lambda _, states: engine.inspect(wrong, states),  # type: ignore[attr-defined]
     )
     assert not check_model(other, mechanism).holds  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("name", CASES)
+def test_a_point_mass_and_numbers_of_each_preset_are_read_back(name: str, preset: str) -> None:
+    """A body without inertia, and single precision where a preset has it."""
+    if name not in tb.engines():
+        pytest.skip(f"{name} is not installed here")
+    checked = check_model(tb.engine(name, preset), benchmark("pendulum").problem().mechanism)
+    assert checked.exposed and checked.holds, checked

@@ -75,9 +75,6 @@ class HavokEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-havok"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
-    # Masses and inertias as impulses find them: their inverses have eight bits, and an acceleration
-    # two such roundings. The check allows a thousand.
-    roundoff: ClassVar[float] = 2.0**-7 / 1000
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=True,
         joint_gaps=True,
@@ -92,6 +89,14 @@ class HavokEngine(NodeEngine):
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = ALONE
+
+    @property
+    def roundoff(self) -> float:
+        """Part of a thousand of what eight bits of inverse masses leave of an acceleration.
+
+        It is read off impulses, with two such roundings; the check allows a thousand.
+        """
+        return 2.0**-7 / 1000
 
     def _values(self, scene: NodeScene) -> Mapping[str, Any]:
         del scene

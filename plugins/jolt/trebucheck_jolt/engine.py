@@ -90,7 +90,6 @@ class JoltEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-jolt"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
-    roundoff: ClassVar[float] = 2.0**-24
     slop: ClassVar[float] = OPENING
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = Capabilities(

@@ -82,7 +82,6 @@ class PhysxEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-physx"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
-    roundoff: ClassVar[float] = 2.0**-24
     slop: ClassVar[float] = OPENING  # rounding opens a limit by 1e-6 rad, in some steps
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = Capabilities(

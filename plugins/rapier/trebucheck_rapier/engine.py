@@ -85,7 +85,6 @@ class RapierEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-rapier"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
-    roundoff: ClassVar[float] = 2.0**-24
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=False,
         joint_gaps=True,

@@ -72,8 +72,6 @@ class NodeEngine(BuiltinEngine):
     """Angle by which limits may give way without being open [rad]."""
     reads_back: ClassVar[bool] = False
     """Whether the program can tell what the world holds."""
-    roundoff: ClassVar[float] = 2.0**-53
-    """Unit roundoff of the numbers that the world holds, for the model check."""
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.MODEL,
@@ -105,6 +103,11 @@ class NodeEngine(BuiltinEngine):
     def absence(cls) -> str:
         """Missing program or package and how to install it, in one sentence."""
         return cls.npm.absence()
+
+    @property
+    def roundoff(self) -> float:
+        """Unit roundoff of the numbers that the world holds, for the model check."""
+        return 2.0**-24 if self.tables.single_precision(self.settings) else 2.0**-53
 
     @property
     def release_gap(self) -> float:
