@@ -28,7 +28,7 @@ CASES: Mapping[str, tuple[str, ...]] = {
     "p2": ("slider-crank", "thrown-plate", "incline", "bead"),
     "cannon": ("n-four-bar", "thrown-plate", "welded-rods"),
     "matter": PINS,
-    "ovphysx": ("chain", "welded-rods", "incline", "bead"),
+    "ovphysx": ("chain", "welded-rods", "incline", "bead", "thrown-plate"),
 }
 SEEN: Mapping[str, float] = {"havok": 0.1}
 """Part of a mass, or of a metre, that is seen. Havok's masses have eight bits: a tenth of one of

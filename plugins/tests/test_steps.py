@@ -39,7 +39,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Steps:
-    """What is known of a preset's steps."""
+    """Facts about the steps of a preset."""
 
     engine: str
     preset: str
@@ -191,7 +191,7 @@ def test_the_free_swing_is_within_its_bar(steps: Steps) -> None:
 
 @pytest.mark.parametrize("steps", [*OWN, *IMPULSES, *SOFT, LOOP_OF_ITS_EXAMPLES], ids=str)
 def test_the_limit_of_its_steps_is_the_reference(steps: Steps) -> None:
-    """By Richardson's extrapolation of steps h, h / 2 and h / 4 at the end, of the first order."""
+    """Richardson's extrapolation of steps h, h / 2 and h / 4 at the end, of the first order."""
     (q0, q1, q2) = (steps.run(FREE_SWING, h).q[-1] for h in (1e-3, 5e-4, 2.5e-4))
     a, b = 2 * q1 - q0, 2 * q2 - q1
     truth = solve(FREE_SWING).trajectory(np.array([2.0])).q[-1]

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import cmath
 import math
-import sys
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -25,8 +23,6 @@ from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, joint_limits,
 
 AT_LIMIT = 1e-6  # [rad] of rounding, within which a joint is at its limit
 FAR = 2000.0 * math.pi  # [rad] PhysX takes no infinite end of a limit on one side
-_LOADED: dict[str, ModuleType] = {}
-"""Modules of ovphysx between runs: see :meth:`Plan.executed`."""
 _KINDS = {"pin": "Revolute", "slide": "Prismatic", "weld": "Fixed"}
 
 
@@ -128,17 +124,9 @@ class Plan:
         )
 
     def executed(self) -> dict[str, Any]:
-        """Names of the program, after it.
-
-        A process that has loaded PhysX's libraries cannot be forked: what it makes hangs or ends by
-        SIGSEGV. trebucheck imports once in a process that it forks what a run has imported, and is
-        not to import these.
-        """
+        """Names of the program, after it."""
         found = dict[str, Any]()
-        sys.modules.update(_LOADED)
         exec(self.program(), found)
-        for name in [each for each in sys.modules if each.partition(".")[0] == "ovphysx"]:
-            _LOADED[name] = sys.modules.pop(name)
         return found
 
     def run(self) -> Recording:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
+from trebucheck.engines.child_process import not_before_a_fork
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
@@ -14,12 +15,13 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.joint_tree import TreeMotion
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 from trebucheck_toolkit.node_scene import BUILT
 
 from .study import STUDY
 
+# In a fork of a process that has loaded PhysX's libraries runs hang or end by SIGSEGV.
+not_before_a_fork("ovphysx")
 ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
     "of_articulation": {
         "position_iterations": "int physxArticulation:solverPositionIterationCount",
@@ -111,8 +113,8 @@ class OvphysxEngine(BuiltinEngine):
         return Plan(problem, self).program()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Mass matrix and forces that PhysX computes for the articulations in each state."""
+        """Dynamics of the built scene in each state, as :mod:`.tree` reads them."""
         self.refuse_absence()
-        from .tree import Tree
+        from .tree import inspect
 
-        return TreeMotion(Tree(mechanism, self)).inspect(states, 2.0**-24)
+        return inspect(mechanism, states, self)

@@ -1,32 +1,59 @@
-"""Dynamics that PhysX computes for the articulations, in joint coordinates, for the model check."""
+"""The built scene for the model check.
+
+Of articulations on the ground the dynamics that PhysX computes, in joint coordinates; of rigid
+bodies, of which it tells none, masses and inertias.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from trebucheck.engines.inspection import Inspection, State
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
+from trebucheck_toolkit.joint_tree import TreeMotion
+from trebucheck_toolkit.read_back import HeldBody, held_inspection, held_mechanism
 
 from .alone import Plan
 
+ROUNDOFF = 2.0**-24
 
-class Tree:
-    """The built articulations.
+
+def inspect(mechanism: Mechanism, states: Sequence[State], options: Any) -> Inspection:
+    """Inspect the built scene in each state.
 
     Raises:
-        UnsupportedProblemError: a body is free: PhysX tells no dynamics of rigid bodies, and those
-            of an articulation that is not on the ground with six coordinates more.
+        UnsupportedProblemError: free bodies carry others, or there are articulations beside them:
+            PhysX has six coordinates more of those, which our adapter does not read.
     """
+    plan = Plan(Problem(mechanism, duration=options.timestep), options)
+    if all(tree["grounded"] for tree in plan.trees.values()):
+        return TreeMotion(Tree(mechanism, plan)).inspect(states, ROUNDOFF)
+    if len(plan.rigid) < len(plan.trees):
+        raise UnsupportedProblemError("our adapter reads no dynamics of free bodies with joints.")
+    found, bodies = plan.executed(), dict[str, HeldBody]()
+    for link in plan.links:
+        mass, inertia, pose = (
+            found["Tensor"](link["tree"], f"LINK_{kind}").read().ravel()
+            for kind in ("MASS", "INERTIA", "COM_POSE")
+        )
+        centre = np.add(mechanism.body(link["body"]).centre, pose[:2])
+        bodies[link["body"]] = float(mass[0]), float(inertia[8]), centre
+    held = held_mechanism(mechanism, bodies, {}, np.array(mechanism.gravity_vector))
+    return held_inspection(held, found["q"][0], found["u"][0], states, roundoff=ROUNDOFF)
 
-    def __init__(self, mechanism: Mechanism, options: Any) -> None:
-        self.plan = plan = Plan(Problem(mechanism, duration=options.timestep), options)
-        if not all(tree["grounded"] for tree in plan.trees.values()):
-            raise UnsupportedProblemError("our adapter reads no dynamics of bodies that are free.")
-        self.coordinates, self.found = JointCoordinates(mechanism), plan.executed()
+
+class Tree:
+    """The built articulations, all on the ground."""
+
+    def __init__(self, mechanism: Mechanism, plan: Plan) -> None:
+        self.plan, self.coordinates = plan, JointCoordinates(mechanism)
+        self.found = plan.executed()
         self.start = self.coordinates.positions(np.array(mechanism.start))
         places = {each["body"]: (each["tree"], f"{each['name']}_joint") for each in plan.links}
         self.names = [places[each.joint.child] for each in self.coordinates.freedoms]

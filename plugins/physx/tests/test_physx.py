@@ -81,36 +81,6 @@ def test_the_defaults_are_physxs_own() -> None:
     assert (OWN["position_iterations"], OWN["velocity_iterations"]) == (4, 1)
 
 
-@pytest.mark.parametrize("preset", ["default", "settings", "assisted"])
-def test_a_body_at_rest_falls_asleep_by_default_alone(preset: str) -> None:
-    """PhysX stops what has less than 5 mJ a kilogram for 0.4 s."""
-    made = tb.Mechanism(
-        name="slow puck",
-        bodies=(tb.Body(name="puck", angle="q", mass=1.0, centre=(0.0, 0.0), inertia=0.1),),
-        joints=(tb.FreeJoint(name="air", child="puck", coordinates=("x", "y")),),
-        stops=(),
-        gravity=0.0,
-        start=(0.0, 0.0, 0.0),
-        start_speeds=(0.0, 0.005, 0.0),
-    )
-    end = tb.engine("physx", preset).simulate(tb.Problem(made, duration=1.0)).u[-1, 1]
-    assert end == (0.0 if preset == "default" else pytest.approx(0.005, rel=1e-6))
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["slider-crank", "oscillator", "motor", "thrown-plate", "spring-pendulum", "welded-rods"],
-)
-def test_it_builds_every_element(name: str) -> None:
-    """First order from a coarse step, where single precision plays no part yet."""
-    problem = benchmark(name).problem()
-    problem = problem.model_copy(update={"duration": min(0.5, problem.duration)})
-    coarse, fine = (
-        _error(tb.engine("physx", timestep=h).simulate(problem), problem) for h in (4e-3, 2e-3)
-    )
-    assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.3)
-
-
 def test_the_plane_costs_nothing() -> None:
     """Bodies whose joints alone hold them in the plane move as those that are locked there."""
     errors = [
@@ -118,19 +88,6 @@ def test_the_plane_costs_nothing() -> None:
         for plane in (True, False)
     ]
     assert errors[0] == pytest.approx(errors[1], rel=0.1)
-
-
-@pytest.mark.parametrize("preset", ["settings", "assisted"])
-@pytest.mark.parametrize("model", ["fixed", "rolling"])
-def test_forces_are_within_rounding_where_nothing_is_let_go(model: str, preset: str) -> None:
-    """Joint forces on the child, in the world, and stop torques, from the first sample on.
-
-    Bodies of 3000 kg and of 60 kg: an iteration's rounding, 6e-8 of the greater one's momentum,
-    is 3e-6 of the lesser's, and a step of 1 ms of its weight is 2e-4 of its greatest.
-    """
-    problem = tb.Problem(tb.model(model), duration=0.75)
-    engine = tb.engine("physx", preset, timestep=1e-3, least_inertia=1e-3)
-    assert max(_off(engine.simulate(problem), problem)) < 1e-2
 
 
 def test_forces_of_one_iteration_of_speeds_hold_what_takes_gaps_back() -> None:
@@ -170,7 +127,8 @@ def test_a_limit_on_one_side_is_met_again_a_turn_on() -> None:
 def test_the_memory_of_a_long_run_is_flat() -> None:
     """A vector made late in a run is where one made early was: nothing that steps make stays."""
     problem = benchmark("spring-pendulum").problem().model_copy(update={"duration": 5.0})
-    text = tb.engine("physx", "settings", timestep=1e-3).script(problem)  # type: ignore[attr-defined]
+    engine: Any = tb.engine("physx", "settings", timestep=1e-3)
+    text = engine.script(problem)
     taken = "  told.push(step());\n"
     assert taken in text
     look = "{ const made = new PxVec3(); at.push(physx.getPointer(made)); physx.destroy(made); }\n"
