@@ -33,15 +33,19 @@ class Case:
 CASES: Mapping[str, Case] = {
     "drake": Case(
         frozenset({"timestep", "integrator", "accuracy", "continuous_plant"}),
-        ("fixed", "rolling", "n-four-bar", "motor", "damped-oscillator", "spring-pendulum"),
+        (
+            *("fixed", "rolling", "n-four-bar", "quick-return", "motor"),
+            *("damped-oscillator", "spring-pendulum"),
+        ),
     ),
     "dart": Case(
-        frozenset({"timestep"}), ("fixed", "rolling", "three-cranks", "motor", "spring-pendulum")
+        frozenset({"timestep"}),
+        ("fixed", "rolling", "three-cranks", "quick-return", "motor", "spring-pendulum"),
     ),
     "pybullet": Case(
         frozenset({"timestep", "solver_iterations", "solver_threshold", "max_joint_velocity"})
         | {"linear_damping", "angular_damping"},
-        ("fixed", "rolling", "three-cranks", "motor", "spring-pendulum"),
+        ("fixed", "rolling", "three-cranks", "quick-return", "motor", "spring-pendulum"),
     ),
     "box2d": Case(
         frozenset({"timestep", "velocity_iterations", "position_iterations", "allow_sleep"}),
@@ -248,22 +252,32 @@ def test_settings_are_no_worse_than_the_default(name: str, problem: str) -> None
     assert error(SETTINGS) <= max(error(DEFAULT), 1e-9)
 
 
-# --- Forces of pins that close loops, which the engine does not tell
+# --- Forces of joints that close loops
 
 
 @dataclass(frozen=True)
 class LoopCase:
-    """Steps of a tenth of the squeezer's motion, and where in it forces are compared."""
+    """Steps of a tenth of a problem's motion, and where in it forces are compared."""
 
     steps: int
     since: float = 0.0
     """Part of that time which is left out at the start."""
+    joints: tuple[str, ...] = ()
+    """Whose forces are compared; all if empty."""
 
 
 LOOPS: Mapping[str, LoopCase] = {
     "dart": LoopCase(2000),
     # Its constraints are compliant: at the start they do not hold in full.
     "drake": LoopCase(500, since=0.1),
+}
+"""Engines that do not tell the forces of pins that close loops, with a tenth of the squeezer."""
+# A step from a moving start finds the speeds in agreement with the loops, and holds no more.
+SLOTS: Mapping[str, LoopCase] = {
+    "dart": LoopCase(4000, since=0.1),
+    "drake": LoopCase(4000, since=0.1),
+    # Its joint sensors are wrong in motion, but for the slides of carriers, which do not turn.
+    "pybullet": LoopCase(4000, since=0.1, joints=("slot",)),
 }
 
 
@@ -284,14 +298,22 @@ def test_each_joint_of_a_mechanism_with_loops_has_its_force(
     assert supplied is not None and Part.LOOP_REACTIONS in supplied
 
 
-@pytest.mark.parametrize("name", LOOPS)
-def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order(name: str) -> None:
-    case, problem = LOOPS[name], benchmark("squeezer").problem()
+@pytest.mark.parametrize(
+    ("name", "model", "case"),
+    [
+        *((name, "squeezer", case) for name, case in LOOPS.items()),
+        *((name, "slider-crank", case) for name, case in SLOTS.items()),
+    ],
+)
+def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order(
+    name: str, model: str, case: LoopCase
+) -> None:
+    problem = benchmark(model).problem()
     problem = problem.model_copy(update={"duration": problem.duration / 10})
     solution = tb.solve(problem)
 
     def errors(steps: int) -> dict[str, float]:
-        found = _engine(name, DEFAULT, timestep=problem.duration / steps).simulate(problem)
+        found = _engine(name, SETTINGS, timestep=problem.duration / steps).simulate(problem)
         kept = (found.t >= case.since * problem.duration) & (found.t < problem.duration)
         truth = solution.trajectory(found.t[kept]).joint_reactions
         return {
@@ -301,5 +323,5 @@ def test_forces_of_joints_of_loops_and_beside_them_are_of_first_order(name: str)
 
     coarse, fine = errors(case.steps), errors(2 * case.steps)
     assert coarse.keys() == {joint.name for joint in problem.mechanism.joints}
-    for joint, error in coarse.items():
-        assert np.log2(error / fine[joint]) == pytest.approx(1.0, abs=0.1), joint
+    for joint in case.joints or coarse:
+        assert np.log2(coarse[joint] / fine[joint]) == pytest.approx(1.0, abs=0.1), joint

@@ -107,7 +107,7 @@ def test_forces_of_pins_are_those_whose_torque_dart_tells(name: str) -> None:
         assert told != 0.0 and torques[last] == pytest.approx(told, rel=1e-6)
 
 
-@pytest.mark.parametrize("problem", ["slider-crank", "bouncing", "stopped-pendulum"])
+@pytest.mark.parametrize("problem", ["bouncing", "stopped-pendulum"])
 def test_what_is_not_built_is_said_of_the_adapter(problem: str) -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="adapter"):
         _engine(DEFAULT).simulate(benchmark(problem).problem())

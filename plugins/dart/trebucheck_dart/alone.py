@@ -1,9 +1,10 @@
 """DART by itself: a skeleton in a world, its step from start to end, and what is read of it.
 
 Stops are limits of DART's joints, which it enforces where it is asked to, and stay in the skeleton
-whatever the law. Pins that close loops are its ball-joint constraints, torsion springs between
-bodies that a joint connects its joint springs; the forces of other springs, and of loads, are given
-to the body nodes before each step. What is DART's default is not set. :func:`script` gives the same
+whatever the law. Pins that close loops are its ball-joint constraints, slots that do slides of
+carriers that are pinned to the child, torsion springs between bodies that a joint connects its
+joint springs; the forces of other springs, and of loads, are given to the body nodes before each
+step. What is DART's default is not set. :func:`script` gives the same
 run as a program.
 """
 
@@ -33,6 +34,7 @@ from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import JointLimits
 from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
+from trebucheck_toolkit.slot_carriers import slot_forces, with_carriers
 
 from .build import Skeleton, add_link, frame, inertia_of, links
 from .tree import DartTree
@@ -49,7 +51,8 @@ class Alone(Skeleton):
 
     def __init__(self, mechanism: Mechanism, options: DartEngine) -> None:
         """Build it at its start."""
-        self.mechanism, self.to = mechanism, JointCoordinates(mechanism)
+        self.mechanism = mechanism = with_carriers(mechanism)
+        self.to = JointCoordinates(mechanism)
         super().__init__(self.to)
         if options.timestep != DARTS_STEP:
             self.world.setTimeStep(options.timestep)
@@ -128,7 +131,7 @@ def _this(joint: elements.PinJoint) -> elements.PinJoint:
     return joint
 
 
-_LOOPS = "our adapter closes loops by pins alone; DART has further joint constraints"
+_LOOPS = "our adapter closes loops by pins and slots; DART has further joint constraints"
 _CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.ElementTable(
     "dart by itself", elements.JOINTS, {elements.PinJoint: _this}, others=_LOOPS
 )
@@ -145,8 +148,8 @@ def run_alone(problem: Problem, options: DartEngine) -> Recording:
     forces of these follow from Newton's law of the bodies, by DART's changes of speed.
 
     Raises:
-        UnsupportedProblemError: a loop is not closed by a pin, or the force of such a pin does not
-            follow; or a stop is on no joint.
+        UnsupportedProblemError: a loop is closed by neither a pin nor a slot, or the force of such
+            a pin does not follow; or a stop is on no joint.
     """
     mechanism = problem.mechanism
     alone = Alone(mechanism, options)
@@ -159,9 +162,10 @@ def run_alone(problem: Problem, options: DartEngine) -> Recording:
         reader.see()
     j, v = (np.array(values) for values in zip(*states, strict=True))
     q, u = alone.to.mechanism_positions(j), alone.to.mechanism_speeds(v)
+    known = len(mechanism.coordinates)  # without those of carriers
     rates = (np.concatenate([v[1:], alone.state()[1][None]]) - v) / options.timestep
     seen = reader.observations(j, v, rates)
-    reactions = reader.reactions(q, u)
+    reactions = slot_forces(mechanism, reader.reactions(q, u))
     energies = reader.applied.potential_energy(q)
     samples = Samples(problem)
     for k, time in enumerate(times):
@@ -170,7 +174,7 @@ def run_alone(problem: Problem, options: DartEngine) -> Recording:
             potential_energy=seen[k].potential_energy + float(energies[k]),
             reactions={name: force[k] for name, force in reactions.items()},
         )
-        samples.add(float(time), (q[k], u[k]), reader.torques[k], observation)
+        samples.add(float(time), (q[k, :known], u[k, :known]), reader.torques[k], observation)
     return samples.own_recording("dart")
 
 
@@ -239,8 +243,8 @@ class _Reader:
 
 def script(problem: Problem, options: DartEngine) -> str:
     """The run of :func:`run_alone` as a program of its own."""
-    mechanism = problem.mechanism
-    alone = Alone(mechanism, options)
+    alone = Alone(problem.mechanism, options)
+    mechanism = alone.mechanism
     q, u = initial_state(mechanism)
     definitions, forces = program(alone.pushed)
     return filled_template(
@@ -265,7 +269,7 @@ def script(problem: Problem, options: DartEngine) -> str:
         start_speeds=alone.to.speeds(u).tolist(),
         pins=[(closing(joint), [*pin_point(joint), 0.0]) for joint in alone.pins],
         offsets=alone.to.offsets.tolist(),
-        sums=alone.to.sums.tolist(),
+        sums=alone.to.sums[: len(problem.mechanism.coordinates)].tolist(),
         force_definitions=definitions if forces else [],
         forces=forces,
     )

@@ -118,7 +118,7 @@ def test_limits_hold_and_release_by_themselves() -> None:
         assert released is None or time is None or abs(released - time) <= 2e-3
 
 
-@pytest.mark.parametrize("problem", ["slider-crank", "bouncing", "stopped-pendulum"])
+@pytest.mark.parametrize("problem", ["bouncing", "stopped-pendulum"])
 def test_what_is_not_built_is_said_of_the_adapter(problem: str) -> None:
     with pytest.raises(tb.UnsupportedProblemError, match="adapter"):
         _engine(DEFAULT).simulate(benchmark(problem).problem())

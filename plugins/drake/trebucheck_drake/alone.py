@@ -2,10 +2,11 @@
 
 The plant has time steps; it is continuous, with Drake's integrator, where that is asked for and
 nothing has to be held or given: such a plant has no limits and no constraints. Stops are limits of
-Drake's joints, pins that close loops its ball constraints; springs with a length between points,
-and torsion springs between bodies that a joint without limits connects, are its force elements. The
-forces of others, and of loads, are given before each step. All of it stays in the plant whatever
-the law. What is Drake's default is not set. :func:`script` gives the same run as a program.
+Drake's joints, pins that close loops its ball constraints, slots that do slides of carriers that
+are pinned to the child; springs with a length between points, and torsion springs between bodies
+that a joint without limits connects, are its force elements. The forces of others, and of loads,
+are given before each step. All of it stays in the plant whatever the law. What is Drake's default
+is not set. :func:`script` gives the same run as a program.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
 from trebucheck_toolkit.joint_tree import JointLimits
 from trebucheck_toolkit.loop_pins import LoopPins, left_over
 from trebucheck_toolkit.schemes import State
+from trebucheck_toolkit.slot_carriers import slot_forces, with_carriers
 
 from .build import Built, add_link, has_length, in_space, link_of
 from .read import Reader, in_plane
@@ -49,7 +51,7 @@ class Alone(Built):
     """A mechanism's discrete plant, with a simulator at its start."""
 
     def __init__(self, mechanism: Mechanism, options: DrakeEngine) -> None:
-        self.options = options
+        self.options, mechanism = options, with_carriers(mechanism)
         self.continuous = options.continuous_plant and is_free(mechanism)
         super().__init__(mechanism, 0.0 if self.continuous else options.timestep)
         to, plant = self.coordinates, self.plant
@@ -147,7 +149,7 @@ def _this(joint: elements.PinJoint) -> elements.PinJoint:
     return joint
 
 
-_LOOPS = "our adapter closes loops by pins alone; Drake has further constraints"
+_LOOPS = "our adapter closes loops by pins and slots; Drake has further constraints"
 _CLOSING: elements.ElementTable[Callable[[Any], elements.PinJoint]] = elements.ElementTable(
     "drake by itself", elements.JOINTS, {elements.PinJoint: _this}, others=_LOOPS
 )
@@ -164,8 +166,8 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     of the bodies, by Drake's accelerations and reactions.
 
     Raises:
-        UnsupportedProblemError: a loop is not closed by a pin, or the force of such a pin does not
-            follow; or a stop is on no joint.
+        UnsupportedProblemError: a loop is closed by neither a pin nor a slot, or the force of such
+            a pin does not follow; or a stop is on no joint.
     """
     mechanism = problem.mechanism
     alone = Alone(mechanism, options)
@@ -184,6 +186,7 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
     j, v = (np.array(values) for values in zip(*states, strict=True))
     to = alone.coordinates
     q, u = to.mechanism_positions(j), to.mechanism_speeds(v)
+    known = len(mechanism.coordinates)  # without those of carriers
     pins = reader.forces_of_pins(q, u, [observation for _, observation in seen])
     given = reader.applied.potential_energy(q)
     samples = Samples(problem)
@@ -192,9 +195,12 @@ def run_alone(problem: Problem, options: DrakeEngine) -> Recording:
         observation = replace(
             observation,
             potential_energy=observation.potential_energy + float(given[k]),
-            reactions={**observation.reactions, **{name: force[k] for name, force in pins.items()}},
+            reactions=slot_forces(
+                mechanism,
+                {**observation.reactions, **{name: force[k] for name, force in pins.items()}},
+            ),
         )
-        samples.add(float(time), (q[k], u[k]), contacts, observation)
+        samples.add(float(time), (q[k, :known], u[k, :known]), contacts, observation)
     return samples.own_recording("drake")
 
 
@@ -257,8 +263,8 @@ class _Reader:
 
 def script(problem: Problem, options: DrakeEngine) -> str:
     """The run of :func:`run_alone` as a program of its own."""
-    mechanism = problem.mechanism
-    alone = Alone(mechanism, options)
+    alone = Alone(problem.mechanism, options)
+    mechanism = alone.mechanism
     alone.finalize()
     (q, u), to = initial_state(mechanism), alone.coordinates
     definitions, forces = program(alone.pushed)
@@ -281,7 +287,7 @@ def script(problem: Problem, options: DrakeEngine) -> str:
         start=alone.in_order(to.positions(q), alone.positions).tolist(),
         start_speeds=alone.in_order(to.speeds(u), alone.speeds).tolist(),
         offsets=to.offsets.tolist(),
-        sums=to.sums.tolist(),
+        sums=to.sums[: len(problem.mechanism.coordinates)].tolist(),
         force_definitions=definitions if forces else [],
         forces=forces,
     )

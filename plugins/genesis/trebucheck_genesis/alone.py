@@ -17,10 +17,9 @@ from trebucheck.engines.study import filled_template
 from trebucheck.models import elements
 from trebucheck.models.applied_forces import AppliedForces
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.kinematics import Kinematics, initial_state
-from trebucheck.models.mechanism import Body, Mechanism
-from trebucheck.models.mjcf.variants import MassProperties, Numerics, Variant
+from trebucheck.models.mechanism import Mechanism
+from trebucheck.models.mjcf.variants import Numerics, Variant
 from trebucheck.models.mjcf.writer import mjcf, mjcf_names
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.event_driver import Observation, Samples
@@ -29,72 +28,32 @@ from trebucheck_toolkit.joint_coordinates import JointCoordinates, Limit
 from trebucheck_toolkit.joint_tree import JointLimits
 from trebucheck_toolkit.mujoco_models import tree_of
 from trebucheck_toolkit.node_scene import lawful_stops
+from trebucheck_toolkit.slot_carriers import with_carriers
 
 if TYPE_CHECKING:
     from .engine import GenesisEngine
 
-CARRIED = 0.1
-"""Part of a body's mass on the carrier of a slot that closes a loop."""
-_NEEDS_CARRIER: elements.ElementTable[bool] = elements.ElementTable(
+_CLOSING: elements.ElementTable[bool] = elements.ElementTable(
     "genesis",
     elements.JOINTS,
-    {elements.PinJoint: False, elements.SlotJoint: True},
+    {elements.PinJoint: True},
     others="our adapter closes loops by Genesis's `connect` alone",
 )
-
-
-def with_carriers(mechanism: Mechanism) -> Mechanism:
-    """A mechanism with a carrier on a slide in each slot that closes a loop, pinned to the child.
-
-    The slides of the carriers are the last coordinates.
-
-    Raises:
-        UnsupportedProblemError: a loop is closed by neither a pin nor a slot, or a slot closes it
-            on a body that no mass can be taken from.
-    """
-    slots = [joint for joint in mechanism.loop_joints if _NEEDS_CARRIER[joint]]
-    bodies = {body.name: body for body in mechanism.bodies}
-    joints: dict[str, elements.AnyJoint] = {joint.name: joint for joint in mechanism.joints}
-    for slot in slots:
-        child, name, origin = bodies[slot.child], f"{slot.name} carrier", (0.0, 0.0)
-        whole = MassProperties(child.mass, complex(*child.centre), child.inertia)
-        left = whole.with_mass_at(complex(*slot.child_point), -CARRIED * child.mass)
-        if left.inertia < 0:
-            raise UnsupportedProblemError(
-                f"our adapter takes the mass of the carrier in {slot.name!r}, which no engine of "
-                f"MJCF moves without, from {slot.child!r}, and that has too little inertia."
-            )
-        update = vars(left) | {"centre": (left.centre.real, left.centre.imag)}
-        bodies[slot.child] = child.model_copy(update=update)
-        bodies[name] = Body(name=name, mass=CARRIED * child.mass, centre=origin, inertia=0.0)
-        slide = {"name": name, "child": name, "child_point": origin, "coordinate": name}
-        joints[name] = elements.PrismaticJoint(**slot.model_dump(exclude={"kind"}) | slide)
-        pin = {"parent": name, "parent_point": origin, "child_point": slot.child_point}
-        joints[slot.name] = elements.PinJoint(name=slot.name, child=slot.child, **pin)
-    parts = {"bodies": tuple(bodies.values()), "joints": tuple(joints.values())}
-    carried = mechanism.model_copy(update=parts)
-    kinematics, known = Kinematics(carried), len(mechanism.coordinates)
-    q, u = (np.pad(each, (0, len(slots))) for each in initial_state(mechanism))
-    if slots:  # their places and speeds close the loops
-        held = kinematics.loop_jacobian(q)[:, known:]
-        q[known:] = np.linalg.lstsq(held, -kinematics.loop_residual(q))[0]
-        held = kinematics.loop_jacobian(q)
-        u[known:] = np.linalg.lstsq(held[:, known:], -held @ u)[0]
-    return carried.model_copy(
-        update={"start": tuple(q.tolist()), "start_speeds": tuple(u.tolist())}
-    )
 
 
 class Plan:
     """Parts of a problem that Genesis is given.
 
     Raises:
-        UnsupportedProblemError: a stop is on no joint, or as :func:`with_carriers`.
+        UnsupportedProblemError: a stop is on no joint, a loop is closed by neither a pin nor a
+            slot, or as `with_carriers`.
     """
 
     def __init__(self, problem: Problem, options: GenesisEngine) -> None:
         self.problem, self.options = problem, options
         self.mechanism = with_carriers(problem.mechanism)
+        for joint in self.mechanism.loop_joints:
+            _CLOSING[joint]  # refuses by name
         self.to = JointCoordinates(self.mechanism)
         q, u = initial_state(self.mechanism)
         self.start, self.speeds = self.to.positions(q), self.to.speeds(u)

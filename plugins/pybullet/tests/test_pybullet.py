@@ -122,10 +122,7 @@ def test_limits_hold_and_release_by_themselves() -> None:
         assert np.abs(found.stop_torques[name] - truth.stop_torques[name]).max() <= 1e-2 * scale
 
 
-@pytest.mark.parametrize(
-    ("problem", "word"),
-    [("slider-crank", "adapter"), ("bouncing", "adapter"), ("stopped-pendulum", "adapter")],
-)
-def test_what_is_not_built_is_said_of_the_adapter(problem: str, word: str) -> None:
-    with pytest.raises(tb.UnsupportedProblemError, match=word):
+@pytest.mark.parametrize("problem", ["bouncing", "stopped-pendulum"])
+def test_what_is_not_built_is_said_of_the_adapter(problem: str) -> None:
+    with pytest.raises(tb.UnsupportedProblemError, match="adapter"):
         _engine(DEFAULT).simulate(benchmark(problem).problem())

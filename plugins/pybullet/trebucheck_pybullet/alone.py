@@ -1,9 +1,10 @@
 """Bullet by itself: a URDF tree, its step from start to end, and what is read of it.
 
 The URDF has the stops as limits of its joints, which stay in it whatever the law; pins that close
-loops are Bullet's point-to-point constraints. Bullet has no springs and no constant loads: their
-forces are given to the links before each step, as its documentation has it. What is Bullet's
-default is not set. :func:`script` gives the same run as a program.
+loops are Bullet's point-to-point constraints, slots that do slides of carriers that are pinned to
+the child. Bullet has no springs and no constant loads: their forces are given to the links before
+each step, as its documentation has it. What is Bullet's default is not set. :func:`script` gives
+the same run as a program.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from trebucheck_toolkit.given_forces import GivenForces, program
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import JointLimits, torques_of_limits
 from trebucheck_toolkit.schemes import State
+from trebucheck_toolkit.slot_carriers import slot_forces, with_carriers
 
 from .build import loaded, urdf
 from .tree import BulletTree, turn
@@ -72,7 +74,8 @@ class Alone:
 
     def __init__(self, mechanism: Mechanism, options: PyBulletEngine, limited: bool = True) -> None:
         """Build it at its start, with or without its limits."""
-        self.mechanism, self.to = mechanism, JointCoordinates(mechanism)
+        self.mechanism = mechanism = with_carriers(mechanism)
+        self.to = JointCoordinates(mechanism)
         self.forces = GivenForces(mechanism)
         self.urdf = _urdf(self.to, limited)
         self.closures = [_CLOSING[joint](self, joint) for joint in mechanism.loop_joints]
@@ -174,7 +177,7 @@ def _urdf(to: JointCoordinates, limited: bool) -> str:
     return urdf(to.mechanism, to.links, ranges=ranges)
 
 
-_LOOPS = "our adapter closes loops by pins alone; Bullet has further constraints between links"
+_LOOPS = "our adapter closes loops by pins and slots; Bullet has further constraints between links"
 _CLOSING: elements.ElementTable[Callable[[Alone, Any], Closure]] = elements.ElementTable(
     "pybullet by itself", elements.JOINTS, {elements.PinJoint: Alone.pin}, others=_LOOPS
 )
@@ -195,7 +198,8 @@ def run_alone(problem: Problem, options: PyBulletEngine) -> Recording:
     Forces at an instant are those of the step that begins there.
 
     Raises:
-        UnsupportedProblemError: a loop is not closed by a pin, or a stop is on no joint.
+        UnsupportedProblemError: a loop is closed by neither a pin nor a slot, or a stop is on no
+            joint.
     """
     mechanism = problem.mechanism
     alone = Alone(mechanism, options)
@@ -208,11 +212,14 @@ def run_alone(problem: Problem, options: PyBulletEngine) -> Recording:
         reader.see(states[-1], alone.step)
     j, v = (np.array(values) for values in zip(*states, strict=True))
     q, u = alone.to.mechanism_positions(j), alone.to.mechanism_speeds(v)
+    known = len(mechanism.coordinates)  # without those of carriers
     efforts = reader.efforts(q, alone.state()[1])
     samples = Samples(problem)
     for k, time in enumerate(times):
         contacts = {name: float(effort[k]) for name, effort in efforts.items()}
-        samples.add(float(time), (q[k], u[k]), contacts, reader.observation(k, (q[k], u[k])))
+        seen = reader.observation(k, q[k])
+        seen = replace(seen, reactions=slot_forces(mechanism, seen.reactions))
+        samples.add(float(time), (q[k, :known], u[k, :known]), contacts, seen)
     return samples.own_recording("pybullet")
 
 
@@ -277,11 +284,11 @@ class _Reader:
         mass = self.to.mass_matrix(self.tree.mass_matrix(j))
         return torques_of_limits(self.kinematics, mass, q, whole, by_limits)
 
-    def observation(self, k: int, state: State) -> Observation:
+    def observation(self, k: int, q: FloatArray) -> Observation:
         """Points and energies in a state, and the joint forces of the step from it."""
         j, v = self.states[k]
         seen = self.tree.observe(j, v, np.zeros_like(v))
-        energy = seen.potential_energy + float(self.applied.potential_energy(state[0]))
+        energy = seen.potential_energy + float(self.applied.potential_energy(q))
         return replace(seen, potential_energy=energy, reactions=self.forces[k])
 
 
@@ -290,8 +297,8 @@ class _Reader:
 
 def script(problem: Problem, options: PyBulletEngine) -> str:
     """The run of :func:`run_alone` as a program of its own."""
-    mechanism = problem.mechanism
-    alone = Alone(mechanism, options)
+    alone = Alone(problem.mechanism, options)
+    mechanism = alone.mechanism
     q, u = initial_state(mechanism)
     definitions, forces = program(mechanism)
     return filled_template(
@@ -307,7 +314,7 @@ def script(problem: Problem, options: PyBulletEngine) -> str:
         timestep=options.timestep,
         steps=whole_steps(problem.duration, options.timestep),
         offsets=alone.to.offsets.tolist(),
-        sums=alone.to.sums.tolist(),
+        sums=alone.to.sums[: len(problem.mechanism.coordinates)].tolist(),
         definitions=definitions if forces else [],
         forces=forces,
     )
