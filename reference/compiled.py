@@ -137,6 +137,16 @@ def is_available() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
+def interpolated(parts: FloatArray, y: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """DOP853's interpolant at parts of a step from y, shape (n_states, n), also without Numba."""
+    if is_available():
+        return kernel().interpolate(parts, y, coefficients)
+    values, factors = np.zeros((len(y), len(parts))), (parts, 1.0 - parts)
+    for k, row in enumerate(coefficients[::-1]):
+        values = (values + row[:, None]) * factors[k % 2]
+    return values + y[:, None]
+
+
 def compiled_equations(
     kinematics: Kinematics,
     matrices: tuple[ComplexArray, ComplexArray, FloatArray],

@@ -19,7 +19,7 @@ from threadpoolctl import ThreadpoolController
 
 from ..models.arrays import FloatArray
 from ..models.errors import SimulationError, TrebucheckError
-from .compiled import CompiledEquations, kernel, not_unique
+from .compiled import CompiledEquations, interpolated, kernel, not_unique
 
 MOST_STEPS = 500_000
 """Limit of one motion, over all its segments; Table I's machine takes some 50 to 100 a second."""
@@ -44,6 +44,8 @@ class StepLimit:
         most = min(most, MOST_STEPS, _MOST_MEMORY // (500 + 64 * states))
         self.most = most // _WINDOW * _WINDOW
         self._taken, self._marked = 0, 0.0
+        self.is_stiff = False
+        """Whether the segment before ended with an implicit method."""
 
     def count(self, t: float) -> None:
         """Count one step that ended at t [s].
@@ -260,7 +262,7 @@ class Interpolant(DenseOutput):
 
     def _call_impl(self, t: FloatArray) -> FloatArray:
         parts = (np.atleast_1d(t) - self.t_old) / self._size
-        values = kernel().interpolate(parts, self.start_state, self.coefficients)
+        values = interpolated(parts, self.start_state, self.coefficients)
         return values if np.ndim(t) else values[:, 0]
 
 

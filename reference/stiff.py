@@ -35,8 +35,9 @@ from .equations import Equations
 from .integrator import CompiledIntegrator, Integrator, Interpolant, StepLimit, step_factor
 
 # When Radau's method is tried: after steps, one after another, of a length in parts of the longest
-# that is stable, if so many more are to follow; steps of its trial; how much longer they must be.
-_SHORT, _AS_SHORT, _MANY = 100, 0.1, 1000
+# that is stable, if so many more are to follow; steps of its trial; how much longer they must be,
+# and, for the next segment to begin with it, than the longest that is stable.
+_SHORT, _AS_SHORT, _MANY = 100, 0.1, 200
 _TRIAL, _LONGER = 20, 10.0
 _TIME_CONSTANTS = 3.0  # length of DOP853's steps where a damper decides
 _STAGES = 7
@@ -67,10 +68,13 @@ class Steps:
         limit: StepLimit | None,
     ) -> None:
         self._equations, self._closed, self._n_q = equations, closed, len(y) // 2
-        self._bounds = end, tolerance, limit or StepLimit(len(y), end)
+        self._limit = limit or StepLimit(len(y), end)
+        self._bounds = end, tolerance, self._limit
         self._longest = longest_step(equations, y[: self._n_q], closed)
         self._short, self._explicit_step, self._before = 0, 0.0, 0
         self._stepper = self._dop853(start, y)
+        if self._limit.is_stiff:
+            self._short, self._stepper = _SHORT + _TRIAL + 1, self._radau(start, y)
 
     @property
     def evaluations(self) -> int:
@@ -81,24 +85,28 @@ class Steps:
         """Take one step; the integrator after it."""
         if self._short == _SHORT:
             self._explicit_step = float(self._stepper.step_size or 0.0)
-            now = self._replaced()
-            self._stepper = RadauIntegrator(self._accelerations, *now, *self._bounds)
+            self._stepper = self._radau(*self._replaced())
         elif self._short == _SHORT + _TRIAL and self._stepper.h_abs < _LONGER * self._explicit_step:
             self._stepper = self._dop853(*self._replaced())
         self._stepper.step()
+        steps, longest = self._stepper, _LONGER * self._longest
+        self._limit.is_stiff = isinstance(steps, RadauIntegrator) and steps.h_abs > longest
         # After the trial the count goes on: there is no second one.
         self._short = self._short + 1 if self._short >= _SHORT or self._is_short() else 0
         return self._stepper
 
     def _is_short(self) -> bool:
         """Tell whether a step is as short as a damper's decay, and many such are to follow."""
-        last, left = float(self._stepper.step_size or 0.0), self._bounds[0] - self._stepper.t
+        last, left = float(self._stepper.step_size or 0.0), self._limit.end - self._stepper.t
         return last > _AS_SHORT * self._longest and left > _MANY * last
 
     def _replaced(self) -> tuple[float, FloatArray]:
         """Time and state of the integrator that another one follows."""
         self._before += self._stepper.nfev
         return self._stepper.t, self._stepper.y
+
+    def _radau(self, t: float, y: FloatArray) -> Integrator:
+        return RadauIntegrator(self._accelerations, t, y, *self._bounds)
 
     def _dop853(self, t: float, y: FloatArray) -> Integrator:
         compiled = self._equations.compiled(y[: self._n_q], self._closed)

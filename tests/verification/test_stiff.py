@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from mechanisms import chain, pin
 from scipy.integrate import DenseOutput, solve_ivp
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.kinematics import initial_state
-from trebucheck.reference import TOLERANCE, stiff
+from trebucheck.reference import TOLERANCE, compiled, stiff
 from trebucheck.reference.equations import Equations
 from trebucheck.reference.solution import Solution
 from trebucheck.reference.solver import solve
@@ -160,6 +161,37 @@ def test_both_methods_find_one_motion(
     ends = [[segment.end for segment in one.segments] for one in (implicit, explicit)]
     assert ends[0] == pytest.approx(ends[1], abs=rounding)
     assert len(ends[0]) > 1 - free
+
+
+def test_what_changes_at_instants_goes_on_with_the_implicit_method(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each of its segments ends before DOP853 has made many steps, and all of them are stiff."""
+    plain, instants = finger(), tuple(0.05 * k for k in range(10))
+    torques = tuple(0.02 * (-1) ** k for k in range(10))
+    push = tb.RecordedTorque(name="push", body="tip", times=instants, torques=torques)
+    elements = (*plain.force_elements, push)
+    problem = tb.Problem(plain.model_copy(update={"force_elements": elements}), duration=0.5)
+    explicit, implicit = by_dop853_alone(monkeypatch, problem), solve(problem)
+    assert len(implicit.segments) == len(instants)
+    assert implicit.evaluations < explicit.evaluations / 5
+    times = np.linspace(0.0, 0.5, 51)
+    rounding = 1e-15 * explicit.evaluations
+    assert implicit.motion(times).q == pytest.approx(explicit.motion(times).q, abs=rounding)
+
+
+def test_a_stiff_motion_needs_no_numba(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, times = tb.Problem(finger(), duration=0.1), np.linspace(0.0, 0.1, 41)
+    quick = solve(problem)
+    expected = quick.motion(times).q
+    monkeypatch.setattr(compiled, "is_available", lambda: False)
+    monkeypatch.setitem(sys.modules, "trebucheck.reference.kernel", None)  # as without Numba
+    compiled.kernel.cache_clear()
+    slow = solve(problem)
+    assert slow.evaluations < explicit_evaluations(problem.mechanism, 0.1) / 2
+    assert slow.motion(times).q == pytest.approx(expected, abs=1e-15 * slow.evaluations)
+    # Positions of what was moved by Numba can be read without it.
+    assert quick.segments[-1].interpolant(0.05)[:3] == pytest.approx(expected[20], abs=1e-14)
 
 
 def test_where_another_part_needs_steps_as_short_the_explicit_method_goes_on(
