@@ -58,7 +58,7 @@ def _made(name: str, seed: int) -> Any:
     except InputError:
         raise
     except Exception as error:  # of packages of others, each with errors of its own
-        raise InputError(f"{name!r} cannot be made: {shortened(str(error))}.") from None
+        raise InputError(f"{name!r} cannot be made: {shortened(str(error).rstrip('.'))}.") from None
 
 
 class _Gymnasium:
