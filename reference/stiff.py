@@ -72,9 +72,10 @@ class Steps:
         self._bounds = end, tolerance, self._limit
         self._longest = longest_step(equations, y[: self._n_q], closed)
         self._short, self._explicit_step, self._before = 0, 0.0, 0
-        self._stepper = self._dop853(start, y)
         if self._limit.is_stiff:
             self._short, self._stepper = _SHORT + _TRIAL + 1, self._radau(start, y)
+        else:
+            self._stepper = self._dop853(start, y)
 
     @property
     def evaluations(self) -> int:
