@@ -33,11 +33,9 @@ from trebucheck_toolkit.slot_carriers import with_carriers
 if TYPE_CHECKING:
     from .engine import GenesisEngine
 
+_LOOPS = "our adapter closes loops by Genesis's `connect` alone"
 _CLOSING: elements.ElementTable[bool] = elements.ElementTable(
-    "genesis",
-    elements.JOINTS,
-    {elements.PinJoint: True},
-    others="our adapter closes loops by Genesis's `connect` alone",
+    "genesis", elements.JOINTS, {elements.PinJoint: True}, others=_LOOPS
 )
 
 
@@ -45,8 +43,7 @@ class Plan:
     """Parts of a problem that Genesis is given.
 
     Raises:
-        UnsupportedProblemError: a stop is on no joint, a loop is closed by neither a pin nor a
-            slot, or as `with_carriers`.
+        UnsupportedProblemError: a stop is on no joint, or no joint is built that closes a loop.
     """
 
     def __init__(self, problem: Problem, options: GenesisEngine) -> None:
@@ -72,9 +69,9 @@ class Plan:
     def program(self) -> str:
         """The run as a program with nothing but Genesis and NumPy."""
         mechanism, options, problem = self.mechanism, self.options, self.problem
-        zeros = {"start": tuple(self.to.mechanism_positions(self.zeros).tolist())}
+        zeros = tuple(self.to.mechanism_positions(self.zeros).tolist())
         without = {"stops": (), "force_elements": ()}  # the program sets limits and springs
-        model = mechanism.model_copy(update=zeros | without)
+        model = mechanism.model_copy(update=without | {"start": zeros})
         names, given = mjcf_names(model), mechanism.model_copy(update=self.given)
         written = Variant(numerics=Numerics(solimp=options.solimp), sensors=False)
         definitions, forces = program(given)
@@ -114,10 +111,8 @@ class Plan:
             noted = (found[name] for name in ("t", "q", "u", "torques", "looks"))
             for t, q, u, torques, look, energy in zip(*noted, energies, strict=True):
                 kinetic, potential, points = look
-                stops = dict(zip(self.stops, torques, strict=True))
-                samples.add(
-                    float(t), (q, u), stops, Observation(points, kinetic, potential + energy)
-                )
+                seen = Observation(points, kinetic, potential + energy)
+                samples.add(float(t), (q, u), dict(zip(self.stops, torques, strict=True)), seen)
             return samples.own_recording("genesis")
 
 

@@ -16,6 +16,7 @@ from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.joint_tree import TreeMotion
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
+from trebucheck_toolkit.slot_carriers import CARRIERS
 
 from .alone import Plan, Tree
 from .study import STUDY
@@ -42,8 +43,7 @@ class GenesisEngine(BuiltinEngine):
         joint_gaps=False,
         located_releases=False,
         stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints, semi-implicit Euler; limits and loops as soft "
-        "constraints",
+        formulation="minimal relative joints, semi-implicit Euler; soft limits and loops",
         features=frozenset(Feature) - {Feature.MOVING_WALL},
         lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
@@ -60,8 +60,7 @@ class GenesisEngine(BuiltinEngine):
     assistance: ClassVar[tuple[Assistance, ...] | None] = (LIMITS_TAKEN_OUT,)
     readings: ClassVar[Supplied] = {
         Part.ELEMENTS: "forces of loads and of springs on no joint, given before each step",
-        Part.MODEL: "a slot that closes a loop is a slide of a carrier, with a tenth of the mass "
-        "of the body that is pinned to it, taken from that body",
+        Part.MODEL: CARRIERS,
     }
 
     precision: Literal["32", "64"] = Field(default="64", description="bits of Genesis's numbers")

@@ -2,43 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from trebucheck.engines.presets import ASSISTED, DEFAULT, SETTINGS
-from trebucheck.engines.study import (
-    REFINEMENT,
-    Cause,
-    ConstraintKinds,
-    EngineStudy,
-    Intervention,
-    MaintainersNote,
-    StepOrder,
-    time_step_cause,
-)
-from trebucheck_toolkit.alone import own_program
+from trebucheck.engines.study import EngineStudy, MaintainersNote, StepOrder
+from trebucheck_toolkit.alone import caused_by, own_program
 from trebucheck_toolkit.scheme_tables import EULER_STEPS, euler_tolerances
 
-
-def _causes(settings: Any, constraints: ConstraintKinds) -> tuple[Cause, ...]:
-    soft = Cause(
-        "constraint softness",
+_CAUSES = {
+    "armature": ("every joint has a rotor inertia that it has not", {"default_armature": None}),
+    "precision": ("numbers of 24 bits", {"precision": "64"}),
+    "constraint softness": (
         "limits and loops are softer than the step can bear",
-        Intervention({"constraint_timeconst": None, "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0]}),
-    )
-    return (
-        Cause(
-            "armature",
-            "every joint has a rotor inertia that the mechanism has not",
-            Intervention({"default_armature": None}),
-        ),
-        Cause("precision", "numbers of 24 bits", Intervention({"precision": "64"})),
-        *((soft,) if constraints.angles or constraints.points else ()),
-        time_step_cause({"timestep": float(settings["timestep"]) / REFINEMENT}),
-    )
-
-
+        {"constraint_timeconst": None, "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0]},
+    ),
+}
 STUDY = EngineStudy(
-    causes=_causes,
+    causes=caused_by(_CAUSES),
     step_orders={
         DEFAULT: StepOrder(
             None,

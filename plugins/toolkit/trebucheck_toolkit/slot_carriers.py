@@ -18,6 +18,11 @@ from trebucheck.models.mjcf.variants import MassProperties
 
 CARRIED = 0.1
 """Part of the child's mass on a carrier."""
+CARRIERS = (
+    "a slot that closes a loop is a slide of a carrier, with a tenth of the mass of the body that "
+    "is pinned to it, taken from that body"
+)
+"""What an adapter that states it as a reading does."""
 T = TypeVar("T")
 
 
