@@ -444,8 +444,7 @@ class GridCell:
     """The verdict on a run."""
 
     state: str
-    label: str  # in words, for those who do not see it
-    card: Card
+    card: Card  # its lead is read out to those who do not see the state
     symbol: str = ""  # of the quantity that broke
     heat: float = 0.0  # 0 to 1: how far beyond its tolerance, or within
     own: str = ""  # share of the run that is the engine's

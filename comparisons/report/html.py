@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain, count, groupby
 from operator import attrgetter
@@ -155,10 +155,14 @@ def _verdict_grid(block: VerdictGrid) -> Markup:
 
 @dataclass
 class _GridData:
-    """A grid as the script reads it; each text is there once, and told by its number."""
+    """A grid as the script reads it; each text is there once, and told by its number.
+
+    So is what quantities share. Titles and leads of cells follow from the table.
+    """
 
     block: VerdictGrid
     texts: dict[str, int] = field(default_factory=dict[str, int])
+    shared: dict[tuple[str, ...], int] = field(default_factory=dict[tuple[str, ...], int])
 
     def content(self) -> dict[str, Any]:
         """The whole."""
@@ -173,7 +177,7 @@ class _GridData:
                     continue
                 own = block.shares.index(cell.own) if cell.own in block.shares else -1
                 named = {"state": states.index(cell.state), "symbol": cell.symbol, "own": own}
-                cells.append(named | self._card(cell.card))
+                cells.append(named | self._details(cell.card))
             named = {name: getattr(row, name) for name in ("engine", "preset", "group", "apart")}
             rows.append(named | {"card": self._card(row.card), "cells": cells})
         columns: list[dict[str, Any]] = []
@@ -188,17 +192,22 @@ class _GridData:
             "leading": len(block.leading),
             "rows": rows,
             "columns": columns,
+            "shared": [[*map(self._number, each)] for each in self.shared],
             "texts": [*self.texts],
         }
 
     def _card(self, card: Card) -> dict[str, Any]:
+        heads = {"title": self._number(card.title), "lead": self._number(card.lead)}
+        return heads | self._details(card)
+
+    def _details(self, card: Card) -> dict[str, Any]:
         quantities: list[list[Any]] = []
         for each in card.quantities:
-            values = astuple(each)
-            quantities.append([self._number(v) if isinstance(v, str) else v for v in values])
+            of_all = each.quantity, each.subject, each.tolerance, each.unit, each.count, each.source
+            own = map(self._number, (each.error, each.ratio, each.part))
+            number = self.shared.setdefault(of_all, len(self.shared))
+            quantities.append([number, *own, each.holds])
         return {
-            "title": self._number(card.title),
-            "lead": self._number(card.lead),
             "quantities": quantities,
             "facts": [[self._number(name), self._number(fact)] for name, fact in card.facts],
             "command": self._number(card.command),

@@ -53,9 +53,7 @@ def test_print_cuts_nothing(opened: Any) -> None:
 def test_a_page_is_light_and_asks_for_nothing(opened: Any) -> None:
     opened.look(DESKTOP)
     assert opened.complaints == []
-    # The matrix has a card for each of some 1800 runs: with 23 engines 2.6 MB, 0.3 MB packed.
-    is_matrix = opened.page.url.endswith("/matrix.html")
-    assert opened.size < (3 if is_matrix else 2) * MEGABYTE
+    assert opened.size < 2 * MEGABYTE
 
 
 def test_every_control_is_reached_by_keyboard_and_shows_it(opened: Any) -> None:

@@ -6,15 +6,19 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   const table = find("table"), body = table.tBodies[0], card = find(".card"), counts = find(".counts");
   const heads = [...table.querySelectorAll(".names th[data-column]")];
   const groups = [...table.querySelectorAll(".groups th")];
-  // Quantities of a card come as lists.
-  const NAMES = ["quantity", "subject", "error", "ratio", "holds", "tolerance", "unit", "part", "count", "source"];
-  const named = (values) => Object.fromEntries(NAMES.map((name, k) => [name, values[k]]));
+  // Quantities of a card come as lists: the number of what several share, and their own.
+  const SHARED = ["quantity", "subject", "tolerance", "unit", "count", "source"], OWN = ["error", "ratio", "part", "holds"];
+  const named = ([shared, ...own]) => Object.fromEntries(
+    [...SHARED.map((name, k) => [name, data.shared[shared][k]]), ...OWN.map((name, k) => [name, own[k]])]);
   for (const row of data.rows) for (const cell of row.cells) if (cell) cell.quantities = cell.quantities.map(named);
   const rows = [...body.querySelectorAll("tr[data-row]")].map((tr, i) => ({
     ...data.rows[i], place: i, tr, head: tr.cells[0], tds: [...tr.cells].slice(-data.columns.length),
   }));
   const headings = new Map([...body.querySelectorAll("tr.group")].map((tr) => [tr.textContent.trim(), tr]));
-  const text = (index) => data.texts[index];
+  const text = (index) => data.texts[index], kept = (text) => data.texts.push(text) - 1;
+  for (const {engine, preset, cells, tds} of rows) cells.forEach((cell, j) => cell && Object.assign(cell, {
+    title: kept(`${engine} ${preset}: ${data.columns[j].name}`), lead: kept(tds[j].getAttribute("aria-label")),
+  }));
   const element = (name, options = {}, ...children) => {
     const made = Object.assign(document.createElement(name), options);
     made.append(...children);

@@ -340,7 +340,6 @@ def _column(problem: MatrixProblem) -> GridColumn:
 
 def _cell(run: MatrixRun, problem: MatrixProblem) -> GridCell:
     state, own = STATES[run.outcome], _own(run, problem)
-    lead = _lead(run)
     facts = [
         *_why(run),
         ("the engine's own", _own_text(run, own)),
@@ -350,17 +349,9 @@ def _cell(run: MatrixRun, problem: MatrixProblem) -> GridCell:
     ]
     if any(error.judged is None for error in run.errors):
         facts.insert(0, ("quantities", "others are not kept in this file"))
-    command = command_of(run, problem)
-    return GridCell(
-        state=state.name,
-        label=lead,
-        card=doc.Card(
-            f"{run.label}: {problem.name}", lead, tuple(_quantities(run)), tuple(facts), command
-        ),
-        symbol=_symbol(run),
-        heat=_heat(run),
-        own=own,
-    )
+    title, quantities = f"{run.label}: {problem.name}", tuple(_quantities(run))
+    card = doc.Card(title, _lead(run), quantities, tuple(facts), command_of(run, problem))
+    return GridCell(state.name, card, _symbol(run), _heat(run), own)
 
 
 def _lead(run: MatrixRun) -> str:
