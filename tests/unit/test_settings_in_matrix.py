@@ -31,6 +31,10 @@ SAMPLED = 1.0 + 10 * TOLERATED
 _BOUNDED = ("way", "turn", "speed", "angular_speed")
 
 _LOST_BY_BOTH = "both have lost the motion, which passes close to the upright position"
+_REDUNDANT = (
+    "a redundant loop leaves one set of loop forces undetermined, which grow by rounding with the "
+    "number of steps"
+)
 
 EXCEPTIONS: dict[tuple[str, str, str], str] = {
     ("newton", "hanging-chain", "angular_speed_max"): "not known: at rest it drifts in either",
@@ -70,8 +74,7 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
             *(("planck", "joint_reaction_max"), ("planck", "kinetic_energy_max")),
         )
     },
-    ("box2d", "n-four-bar", "joint_reaction_max"): "a redundant loop leaves one set of loop forces "
-    "undetermined, which grow by rounding with the number of steps",
+    ("box2d", "n-four-bar", "joint_reaction_max"): _REDUNDANT,
     (
         "box2d",
         "hanging-chain",
@@ -96,9 +99,8 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
         for engine, problems in (
             ("brax", ("chain", "damped-oscillator", "oscillator", "planar-chain")),
             ("brax", ("spring-pendulum", "thrown-plate", "torsion-pendulum")),
-            ("cannon", ("squeezer", "three-cranks")),
             ("genesis", ("spring-pendulum", "thrown-plate")),
-            *(("mjx", ("squeezer",)), ("newton", ("high-pendulum",)), ("p2", ("squeezer",))),
+            *(("mjx", ("squeezer",)), ("newton", ("high-pendulum",))),
             ("pydy", ("n-four-bar", "singular-slider-crank", "three-cranks")),
         )
         for problem in problems
@@ -107,26 +109,12 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
         (engine, problem, "stop_torque_max"): why
         for engine, why in (
             ("genesis", "both miss all of the torque: a limit begins without force"),
-            (
-                "p2",
-                "of a closed stop the first step has no torque, and the second one twice as much",
-            ),
             ("brax", "not known: both are off by tens of times the torque"),
         )
         for problem in ("fixed", "rolling")
     },
-    **{
-        (engine, "high-pendulum", metric): _LOST_BY_BOTH
-        for engine, metric in (
-            *(("jolt", "velocity_max"), ("physx", "angular_speed_max")),
-            *(("physx", "kinetic_energy_max"), ("physx", "velocity_max")),
-        )
-    },
-    **{
-        (engine, "n-four-bar", "joint_reaction_max"): "a redundant loop leaves one set of loop "
-        "forces undetermined, which grow by rounding with the number of steps"
-        for engine in ("jolt", "physx")
-    },
+    ("jolt", "high-pendulum", "velocity_max"): _LOST_BY_BOTH,
+    ("jolt", "n-four-bar", "joint_reaction_max"): _REDUNDANT,
     ("jolt", "fixed", "stop_torque_max"): "torques of limits jump by their own size between steps",
     ("jolt", "hanging-chain", "angular_speed_max"): "both have lost a chain that hardly moves",
     ("mujoco_warp", "hanging-chain", "angular_speed_max"): "at rest it drifts by rounding",
@@ -139,12 +127,6 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
         )
     },
     ("mujoco_warp", "rolling", "release_time"): "not known: limits are soft in either",
-    **{
-        ("dart", "quick-return", metric): "both have lost the motion: positions are off by 0.9 "
-        "and 0.2 of their range"
-        for metric in ("kinetic_energy_max", "potential_energy_max")
-    },
-    ("pybullet", "singular-slider-crank", "joint_reaction_max"): "not known: the same",
     # Joints of Box2D 3.1 give way like springs of 60 Hz at every step, which no setting of pyb2d3
     # changes and longer steps damp: what is left of that differs by the step.
     **{

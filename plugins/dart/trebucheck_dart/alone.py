@@ -4,8 +4,7 @@ Stops are limits of DART's joints, which it enforces where it is asked to, and s
 whatever the law. Pins that close loops are its ball-joint constraints, slots that do slides of
 carriers that are pinned to the child, torsion springs between bodies that a joint connects its
 joint springs; the forces of other springs, and of loads, are given to the body nodes before each
-step. What is DART's default is not set. :func:`script` gives the same
-run as a program.
+step. What is DART's default is not set. :func:`script` gives the same run as a program.
 """
 
 from __future__ import annotations
