@@ -256,9 +256,10 @@ _SUFFIXES = {
 def matrix_command(call: Call) -> None:
     """Show engine x problem x quantity of several comparisons: verdicts, errors, orders, causes.
 
-    The page is one grid, engines by scheme against problems by class. A cell shows the quantity
-    that broke, and opens: all quantities with tolerances, cause, settings, the command that makes
-    the run again. What the page sorts and filters by is in its address.
+    The page is one grid, engines by name or scheme against problems by class: many on one screen,
+    a row each; few with a row for each preset, whose cells show what broke. A cell opens: all
+    quantities with tolerances, cause, settings, the command that makes the run again. What the
+    page sorts and filters by is in its address.
 
     Engines of one scheme stand together, and ratios of their errors say what differs by scheme and
     what by implementation. Nothing is run: engines that need environments of their own are compared

@@ -12,14 +12,15 @@ from page_checks import PHONE, looks, serious
 from trebucheck.comparisons.report.pages.matrix import STATES, counted_runs
 
 LAPTOP = {"width": 1280, "height": 800}
+EACH_PRESET = "rows=presets"
 CARD = ".card:popover-open"
 
 
 @pytest.fixture
 def page(open_page: Any) -> Iterator[Any]:
-    """The page with nothing chosen and nothing open."""
+    """The page with a row for each preset, with nothing chosen and nothing open."""
     shown = open_page("matrix").look(LAPTOP)
-    shown.evaluate("() => { location.hash = ''; dispatchEvent(new Event('hashchange')); }")
+    _at(shown, EACH_PRESET)
     shown.keyboard.press("Escape")
     shown.mouse.move(5, 5)
     shown.wait_for_function("() => !document.querySelector('.card:popover-open')")
@@ -34,6 +35,12 @@ def page(open_page: Any) -> Iterator[Any]:
     )
 
 
+def _at(page: Any, address: str) -> None:
+    """Show what an address says behind its '#'."""
+    change = "(to) => { location.hash = to; dispatchEvent(new Event('hashchange')); }"
+    page.evaluate(change, address)
+
+
 def _td(page: Any, engine: str, preset: str, problem: str) -> Any:
     names = page.locator(".names th[data-column]").all_text_contents()
     label = f"^\\s*{engine} {preset}\\s*$"
@@ -43,6 +50,59 @@ def _td(page: Any, engine: str, preset: str, problem: str) -> Any:
 
 def _engines(page: Any) -> list[str]:
     return page.locator("tr[data-row] th").all_text_contents()
+
+
+def test_every_engine_and_problem_is_on_a_laptops_screen_at_once(page: Any) -> None:
+    _at(page, "")
+    assert page.input_value("[data-control=rows]") == "engines"
+    cells = page.evaluate("""() => [...document.querySelectorAll("section.verdicts tbody td")].map((td) => {
+      const {left, right, top, bottom} = td.getBoundingClientRect(), {fontSize} = getComputedStyle(td);
+      return {left, right, top, bottom, size: parseFloat(fontSize), cut: td.scrollWidth - td.clientWidth};
+    })""")  # fmt: skip
+    assert len(cells) >= len(pages.matrix().runs)
+    assert min(cell["left"] for cell in cells) >= 0
+    assert max(cell["right"] for cell in cells) <= LAPTOP["width"]
+    assert max(cell["bottom"] for cell in cells) <= LAPTOP["height"]
+    assert min(cell["size"] for cell in cells) >= 11  # px
+    assert max(cell["cut"] for cell in cells) <= 0  # no text leaves its cell
+    heads = page.locator("tbody th[scope=row]").evaluate_all(
+        "(heads) => Math.max(...heads.map((head) => head.scrollWidth - head.clientWidth))"
+    )
+    assert heads <= 0  # nor does an engine's name
+
+
+def test_a_cell_of_an_engines_row_opens_the_run_of_its_preset(page: Any) -> None:
+    _at(page, "rows=engines")
+    matrix = pages.matrix()
+    for preset in matrix.presets:
+        run = next(run for run in counted_runs(matrix) if run.preset == preset)
+        place = 1 + [problem.name for problem in matrix.problems].index(run.problem)
+        place = 1 + (place - 1) * len(matrix.presets) + matrix.presets.index(preset)
+        row = page.locator("tbody tr", has=page.locator(f"th b:text-is('{run.engine}')")).first
+        row.locator("td").nth(place).click()
+        text = page.locator(CARD).inner_text()
+        assert f"{run.engine} {preset}: {run.problem}" in text
+        page.keyboard.press("Escape")
+
+
+def test_arrows_move_over_an_engines_row_and_its_heads(page: Any) -> None:
+    _at(page, "rows=engines")
+    page.locator(".names th[data-column='0']").focus()
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate("() => document.activeElement.dataset.column") == "1"
+    page.keyboard.press("ArrowDown")
+    first = page.evaluate("() => document.activeElement.ariaLabel")
+    page.keyboard.press("ArrowRight")
+    second = page.evaluate("() => document.activeElement.ariaLabel")
+    assert first != second
+
+
+def test_numbers_and_few_rows_are_shown_by_preset(page: Any) -> None:
+    _at(page, "rows=engines&show=position")
+    assert page.input_value("[data-control=rows]") == "presets"
+    assert page.locator("[data-control=rows]").is_disabled()
+    _at(page, f"engine={pages.matrix().runs[0].engine}")
+    assert page.input_value("[data-control=rows]") == "presets"
 
 
 def test_the_whole_grid_is_read_on_a_laptop_without_scrolling_sideways(page: Any) -> None:
@@ -77,7 +137,7 @@ def test_counts_are_those_of_the_runs_that_count(page: Any) -> None:
     for outcome, number in outcomes.items():
         assert f"{number} {STATES[outcome].counted}" in text
     engine = counted[0].engine
-    page.evaluate(f"() => {{ location.hash = 'engine={engine}'; }}")
+    _at(page, f"{EACH_PRESET}&engine={engine}")
     page.wait_for_function("() => document.querySelectorAll('tr[data-row]').length < 6")
     mine = sum(run.engine == engine for run in counted)
     assert f"{mine} runs" in page.locator(".counts").inner_text()
@@ -175,19 +235,23 @@ def test_rows_are_sorted_by_the_error_on_a_problem(page: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scheme", "state", "clicked"),
+    ("scheme", "rows", "state", "clicked"),
     [
-        ("light", "", "td.disagrees"),
-        ("dark", "", "td.disagrees"),
-        ("light", "", "tr[data-row] th"),
-        ("dark", "", "[data-filter=scheme]"),
-        ("dark", "show=position&only=disagrees", ""),
+        ("light", EACH_PRESET, "", "td.disagrees"),
+        ("dark", EACH_PRESET, "", "td.disagrees"),
+        ("light", EACH_PRESET, "", "tr[data-row] th"),
+        ("light", "rows=engines", "", "td.disagrees"),
+        ("dark", "rows=engines", "", "tbody th[scope=row]"),
+        ("dark", EACH_PRESET, "", "[data-filter=scheme]"),
+        ("dark", EACH_PRESET, "show=position&only=disagrees", ""),
     ],
-    ids=["cell", "dark-cell", "row", "filter", "numbers"],
+    ids=["cell", "dark-cell", "row", "engine-cell", "engine", "filter", "numbers"],
 )
-def test_axe_finds_nothing_at_all(page: Any, scheme: str, state: str, clicked: str) -> None:
+def test_axe_finds_nothing_at_all(
+    page: Any, scheme: str, rows: str, state: str, clicked: str
+) -> None:
     page.emulate_media(color_scheme=scheme)
-    page.evaluate("(state) => { location.hash = state; }", state)
+    _at(page, f"{rows}&{state}")
     page.wait_for_function("(state) => !state || document.querySelector('td.value')", arg=state)
     if clicked:
         page.click(clicked)

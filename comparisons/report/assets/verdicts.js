@@ -14,6 +14,8 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   const rows = [...body.querySelectorAll("tr[data-row]")].map((tr, i) => ({
     ...data.rows[i], place: i, tr, head: tr.cells[0], tds: [...tr.cells].slice(-data.columns.length),
   }));
+  // Of each cell of the table's body: its row, and the number of its column; -1 is the row's head.
+  const places = new Map(rows.flatMap((row) => [[row.head, {row, j: -1}], ...row.tds.map((td, j) => [td, {row, j}])]));
   const headings = new Map([...body.querySelectorAll("tr.group")].map((tr) => [tr.textContent.trim(), tr]));
   const text = (index) => data.texts[index], kept = (text) => data.texts.push(text) - 1;
   for (const {engine, preset, cells, tds} of rows) cells.forEach((cell, j) => cell && Object.assign(cell, {
@@ -28,11 +30,11 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   // --- State
 
   const FILTERS = ["preset", "engine", "scheme", "feature"];
-  const state = {sort: "", show: "", only: "", cell: "", preset: [], engine: [], scheme: [], feature: []};
+  const state = {rows: "", sort: "", show: "", only: "", cell: "", preset: [], engine: [], scheme: [], feature: []};
 
   function readAddress() {
     const asked = new URLSearchParams(location.hash.includes("=") ? location.hash.slice(1) : "");
-    for (const name of ["sort", "show", "only", "cell"]) state[name] = asked.get(name) ?? "";
+    for (const name of ["rows", "sort", "show", "only", "cell"]) state[name] = asked.get(name) ?? "";
     for (const name of FILTERS) state[name] = asked.getAll(name);
   }
   function writeAddress() {
@@ -45,7 +47,15 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   // --- Rows and columns that are shown, in order
 
   const chosen = (name, value) => !state[name].length || state[name].includes(value);
-  let shown = {rows: [], columns: []};
+  let shown = {rows: [], columns: [], presets: [], lines: []};
+
+  // More rows than these fit no screen: an engine has one then, with a cell for each of its presets.
+  const MOST = 40, small = matchMedia("(max-width: 900px)");
+  const ofPresets = () => state.show || state.sort.startsWith("problem"); // numbers, and one error a row
+  const asEngines = () => {
+    if (ofPresets()) return false;
+    return state.rows ? state.rows === "engines" : shown.rows.length > MOST && !small.matches;
+  };
 
   const agreeing = (row) => shown.columns.filter((j) => row.cells[j]?.state === 0).length;
 
@@ -67,38 +77,100 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     if (by === "problem" && column >= 0) shown.rows.sort((a, b) => a.apart - b.apart || error(a) - error(b));
   }
 
+  // Rows of engines, made when they are first shown. Presets that an engine was not run with stay empty.
+  const engineRows = new Map();
+  function engineRow(name, apart, ofEngine) {
+    const key = `${name} ${apart}`, first = ofEngine[0];
+    if (!engineRows.has(key)) {
+      const head = element("th", {scope: "row", tabIndex: -1}, element("b", {textContent: name}));
+      const facts = ofEngine.map((row) => {
+        const known = Object.fromEntries(row.card.facts.map(([name, fact]) => [text(name), text(fact)]));
+        return [kept(row.preset), kept(`${known.scheme}; agrees ${known.agrees}`)];
+      });
+      const card = {...first.card, title: kept(name), facts: [...facts, ...first.card.facts.filter(([name]) => text(name) === "version")]};
+      engineRows.set(key, {tr: element("tr"), head, leading: element("td", {className: "leading"}), card, empty: new Map()});
+      places.set(head, {row: engineRows.get(key), j: -1});
+    }
+    const row = engineRows.get(key), of = new Map(ofEngine.map((each) => [each.preset, each]));
+    const tds = shown.columns.flatMap((j) => shown.presets.map((preset) => of.get(preset)?.tds[j] ?? emptied(row, preset, j)));
+    row.leading.textContent = shown.presets.map((preset) => (of.has(preset) ? agreeing(of.get(preset)) : "–")).join(" ");
+    row.tr.replaceChildren(row.head, row.leading, ...tds);
+    return row;
+  }
+  function emptied({empty}, preset, j) {
+    const key = `${preset} ${j}`;
+    if (!empty.has(key)) {
+      const td = element("td", {className: "absent-run", textContent: "·", ariaLabel: "not run"});
+      empty.set(key, td);
+      places.set(td, {row: {cells: []}, j});
+    }
+    return empty.get(key);
+  }
+
+  // The table's body, and what arrows move along: a line of cells for each row.
+  function placed() {
+    const made = [];
+    shown.lines = [];
+    if (!shown.engines) {
+      let group = null;
+      for (const row of shown.rows) {
+        const title = row.apart ? data.apart : row.group;
+        if ((!state.sort || row.apart) && title !== group) made.push(headings.get(title));
+        group = title;
+        row.tr.append(...row.tds);
+        made.push(row.tr);
+        shown.lines.push([row.head, ...shown.columns.map((j) => row.tds[j])]);
+      }
+      return made;
+    }
+    for (const apart of [false, true]) {
+      const counted = shown.rows.filter((row) => row.apart === apart);
+      const names = [...new Set(counted.map(({engine}) => engine))];
+      if (!state.sort || apart) names.sort((a, b) => a.localeCompare(b));
+      if (apart && names.length) made.push(headings.get(data.apart));
+      for (const name of names) {
+        const row = engineRow(name, apart, counted.filter(({engine}) => engine === name));
+        made.push(row.tr);
+        shown.lines.push([row.head, ...[...row.tr.cells].slice(2)]);
+      }
+    }
+    return made;
+  }
+
   const held = ({holds}, good, bad, open) => (holds === null ? open : holds ? good : bad);
   // The quantity's row of a cell's card.
   const value = (cell, name) => cell?.quantities.find((each) => text(each.quantity) === name);
 
   function lay() {
     choose();
-    const visible = new Set(shown.columns), placed = [];
-    let group = null;
-    for (const row of shown.rows) {
-      const title = row.apart ? data.apart : row.group;
-      if ((!state.sort || row.apart) && title !== group) placed.push(headings.get(title));
-      group = title;
-      placed.push(row.tr);
-    }
-    body.replaceChildren(...placed);
+    const visible = new Set(shown.columns), counted = shown.rows.filter((row) => !row.apart);
+    shown.engines = asEngines();
+    shown.presets = data.presets.filter((preset) => (counted.length ? counted : shown.rows).some((row) => row.preset === preset));
+    const parts = shown.engines ? shown.presets.length : 1, leading = shown.engines ? 1 : data.leading;
+    table.classList.toggle("engines", shown.engines);
+    table.style.setProperty("--parts", parts);
+    body.replaceChildren(...placed());
     let before = null;
     heads.forEach((head, j) => {
       const first = visible.has(j) && data.columns[j].group !== before;
       if (visible.has(j)) before = data.columns[j].group;
       head.hidden = !visible.has(j);
+      head.colSpan = parts;
       head.classList.toggle("first", first);
       for (const row of rows) {
         row.tds[j].hidden = !visible.has(j);
-        row.tds[j].classList.toggle("first", first);
+        row.tds[j].classList.toggle("first", first && (!shown.engines || row.preset === shown.presets[0]));
+        row.tds[j].classList.toggle("last", row.preset === shown.presets.at(-1));
       }
     });
     for (const head of groups) {
       const count = shown.columns.filter((j) => data.columns[j].group === head.textContent).length;
       head.hidden = !count;
-      head.colSpan = count || 1;
+      head.colSpan = count * parts || 1;
     }
-    for (const tr of headings.values()) tr.cells[0].colSpan = shown.columns.length + 1 + data.leading;
+    for (const tr of headings.values()) tr.cells[0].colSpan = shown.columns.length * parts + 1 + leading;
+    table.querySelector(".groups td").colSpan = 1 + leading;
+    find(".corner span").textContent = shown.engines ? `engine: ${shown.presets.join(", ")}` : "engine, preset";
     table.style.setProperty("--columns", shown.columns.length);
     fill();
     count();
@@ -108,7 +180,12 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     const sort = find("[data-control=sort]"), last = sort.querySelector("[value=problem]");
     last.hidden = by !== "problem";
     last.textContent = problem ? `error on ${problem}` : "error";
+    sort.options[0].textContent = shown.engines ? "name" : "scheme";
+    sort.querySelector("[value=engine]").hidden = shown.engines;
     sort.value = by;
+    const kinds = find("[data-control=rows]");
+    kinds.value = shown.engines ? "engines" : "presets";
+    kinds.disabled = Boolean(ofPresets());
     find("[data-control=show]").value = state.show;
     for (const button of section.querySelectorAll("[data-filter]")) {
       const values = state[button.dataset.filter];
@@ -192,10 +269,13 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   // --- Focus moves by arrows, one stop for Tab
 
   let stop = null;
-  const lines = () => [[null, ...shown.columns.map((j) => heads[j])], ...shown.rows.map((row) => [row.head, ...shown.columns.map((j) => row.tds[j])])];
+  const lines = () => {
+    const parts = shown.engines ? shown.presets.length : 1;
+    return [[null, ...shown.columns.flatMap((j) => Array(parts).fill(heads[j]))], ...shown.lines];
+  };
   function roving(target) {
     const all = lines().flat();
-    stop = target ?? (stop && all.includes(stop) ? stop : shown.rows[0]?.tds[shown.columns[0]]);
+    stop = target ?? (stop && all.includes(stop) ? stop : shown.lines[0]?.[1]);
     for (const each of section.querySelectorAll("table[role=grid] [tabindex]")) each.tabIndex = -1;
     if (stop) stop.tabIndex = 0;
   }
@@ -214,7 +294,9 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     const grid = lines(), i = grid.findIndex((line) => line.includes(target)), j = grid[i].indexOf(target);
     const far = event.ctrlKey ? 99 : 1, clamp = (k, n) => Math.max(0, Math.min(n - 1, k));
     const line = grid[clamp(i + move[0] * far, grid.length)];
-    const next = line[clamp(j + move[1] * far, line.length)];
+    let k = clamp(j + move[1] * far, line.length);
+    while (move[1] && line[k] === target && line[k + move[1]]) k += move[1]; // a head has several columns
+    const next = line[k];
     if (!next) return;
     roving(next);
     next.focus();
@@ -224,11 +306,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
 
   let opened = null, pinned = false, timer = 0;
 
-  function place(target) {
-    const i = shown.rows.findIndex((row) => row.tr === target.parentElement), row = shown.rows[i];
-    const j = heads.includes(target) ? heads.indexOf(target) : row?.tds.indexOf(target);
-    return {row, j};
-  }
+  const place = (target) => places.get(target) ?? {row: undefined, j: heads.indexOf(target)};
 
   function cardOf(target) {
     const {row, j} = place(target);
@@ -321,7 +399,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     for (const each of section.querySelectorAll(".here")) each.classList.remove("here");
     if (!target) return;
     const {row, j} = place(target);
-    row?.tr.classList.add("here");
+    if (row) target.parentElement.classList.add("here");
     heads[j]?.classList.add("here");
   }
 
@@ -385,7 +463,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     control.addEventListener("change", () => set({[control.dataset.control]: control.value}));
   }
   find("[data-control=reset]").addEventListener("click", () => {
-    set({sort: "", show: "", only: "", preset: [], engine: [], scheme: [], feature: []});
+    set({rows: "", sort: "", show: "", only: "", preset: [], engine: [], scheme: [], feature: []});
     find("[data-control=sort]").focus();
   });
   for (const choices of section.querySelectorAll(".choices")) {
@@ -404,7 +482,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   function start() {
     readAddress();
     lay();
-    const wanted = state.cell && shown.rows.flatMap((row) => shown.columns.map((j) => row.tds[j])).find((td) => cardOf(td)?.cell === state.cell);
+    const wanted = state.cell && shown.lines.flatMap(([, ...tds]) => tds).find((td) => cardOf(td)?.cell === state.cell);
     if (wanted) {
       wanted.scrollIntoView({block: "center", inline: "center"});
       open(wanted, true);
