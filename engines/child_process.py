@@ -1,8 +1,7 @@
-"""Processes that end with the one that started them, and what does not survive a fork.
+"""Processes that end with the one that started them, also where that one is killed.
 
 A killed process can end nothing itself: on Linux the system does it, if the child has asked for
-that. A plug-in whose engine is a program starts it with :func:`ending_with_parent`. Runs have forks
-of a process that has imported what they need, but for :func:`not_before_a_fork`.
+that. A plug-in whose engine is a program starts it with :func:`ending_with_parent`.
 """
 
 from __future__ import annotations
@@ -47,16 +46,3 @@ def ending_with_parent() -> Callable[[], None] | None:
 @cache
 def _prctl() -> Any:
     return ctypes.CDLL(None).prctl
-
-
-_NOT_BEFORE_A_FORK = set[str]()
-
-
-def not_before_a_fork(package: str) -> None:
-    """Keep a package, whose libraries hang or crash in a fork, out of what runs are forked from."""
-    _NOT_BEFORE_A_FORK.add(package)
-
-
-def survives_a_fork(module: str) -> bool:
-    """Tell whether a module may be imported by a process that is then forked."""
-    return module.partition(".")[0] not in _NOT_BEFORE_A_FORK

@@ -39,7 +39,7 @@ from joblib.externals.loky import ProcessPoolExecutor, process_executor
 from joblib.externals.loky.backend.reduction import dumps
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
-from ...engines.child_process import end_with_parent, survives_a_fork
+from ...engines.child_process import end_with_parent
 from ...engines.protocol import Engine
 from ...models.errors import EngineNotInstalledError, SimulationError, TrebucheckError
 from ...models.problem import Problem
@@ -497,8 +497,7 @@ def _make(call: bytes, pipe: Connection, parent: int) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         pipe.send_bytes(answer)
-        imported = [name for name in list(sys.modules) if name not in before]
-        pipe.send_bytes(pickle.dumps([*filter(survives_a_fork, imported)]))
+        pipe.send_bytes(pickle.dumps([name for name in list(sys.modules) if name not in before]))
     finally:
         os._exit(0)
 

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from threading import Event, Thread
 
@@ -23,7 +22,6 @@ import numpy as np
 import pytest
 from trebucheck.comparisons.runs import process
 from trebucheck.comparisons.runs.process import Worker
-from trebucheck.engines.child_process import not_before_a_fork
 from trebucheck.models.errors import SimulationError
 
 pytestmark = pytest.mark.own_processes
@@ -39,14 +37,6 @@ class _OddError(Exception):
 
     def __init__(self, one: int, other: int) -> None:
         super().__init__(f"{one} and {other}")
-
-
-def _imported_before(*_: object) -> tuple[bool, bool]:
-    """Whether two modules were imported before this call, the first of which no fork survives."""
-    not_before_a_fork("colorsys")
-    before = "colorsys" in sys.modules, "tabnanny" in sys.modules
-    import_module("colorsys"), import_module("tabnanny")
-    return before
 
 
 def _crash(*_: object) -> None:
@@ -213,12 +203,6 @@ def test_a_process_in_which_imports_start_threads_forks_no_more(
     monkeypatch.setattr(process, "import_module", lambda _: (other.start(), thread.wait(60)))
     assert not process._import(("threads",))
     go_on.set()
-
-
-@linux
-def test_what_does_not_survive_a_fork_is_imported_by_each_call(worker: Worker) -> None:
-    assert worker.call(_imported_before, _Engine(), None) == (False, False)
-    assert worker.call(_imported_before, _Engine(), None) == (False, True)
 
 
 @pytest.mark.slow

@@ -1,8 +1,9 @@
 """PhysX's articulations as a program with nothing but ovphysx's interface, which a run executes.
 
-Bodies that pins, slides and welds connect are links of one articulation, with a base where one of
-these joints is on the ground; a body without joints is a rigid body. A stop is the limit of a
-revolute joint. Springs, dampers and motors are forces given to the links before each step.
+Bodies that pins, slides and welds connect to the ground are links of one articulation, with a base
+that is held there; a free body that carries others is the first link of one of its own, and one
+without joints a rigid body. A stop is the limit of a revolute joint. Springs, dampers and motors
+are forces given to the bodies before each step.
 """
 
 from __future__ import annotations
@@ -17,12 +18,22 @@ from trebucheck.engines.protocol import Recording
 from trebucheck.engines.study import filled_template
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck_toolkit.alone import BodySteps
-from trebucheck_toolkit.body_program import UprightScene, body_program, scene_states, upright
+from trebucheck_toolkit.body_program import (
+    UprightScene,
+    apart,
+    body_program,
+    run_program,
+    scene_states,
+    upright,
+)
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_scene import MIRROR, Json, NodeScene, joint_limits, lawful_stops
 
-AT_LIMIT = 1e-6  # [rad] of rounding, within which a joint is at its limit
-FAR = 2000.0 * math.pi  # [rad] PhysX takes no infinite end of a limit on one side
+FAR = 2000.0 * math.pi  # [rad] PhysX takes no infinite end of a range
+MACHINE = "machine"
+BASE: Json = {"name": "base", "kind": "Fixed", "parent": None, "mass": 1.0, "inertia": 1.0}
+BASE |= dict.fromkeys(("position", "velocity", "at", "point"), (0.0, 0.0)) | {"speed": 0.0}
+"""Link that is held on the ground: without it PhysX takes the first one for the base."""
 _KINDS = {"pin": "Revolute", "slide": "Prismatic", "weld": "Fixed"}
 
 
@@ -37,102 +48,73 @@ class Plan:
         self.problem, self.options = problem, options
         self.spread = spread_masses(problem.mechanism, None, "ovphysx")
         self.scene = NodeScene(self.spread.mechanism, "ovphysx")
-        self.frames, joints = UprightScene(self.scene), self.scene.joints
+        self.frames, self.joints = UprightScene(self.scene), self.scene.joints
         self.stops = {stop.name: self.scene.stop(stop) for stop in lawful_stops(problem)}
-        limits = joint_limits(problem, self.scene, within_half_a_turn=False)
-        self.ranges = {
-            joint: (-FAR if high is None else -high, FAR if low is None else -low)
-            for joint, (low, high) in limits.items()
-        }
-        """Least and greatest angle of each joint with stops, by its index, anticlockwise [rad]."""
-        carried = {joint["b"]: index for index, joint in enumerate(joints)}
-        self.links = [self._link(k, carried.get(k)) for k in range(len(self.scene.bodies))]
-        """Of each body; joints are those of a tree, so that each body is carried by one at most."""
-        for k, link in enumerate(self.links):
-            root = k
-            while root in carried and joints[carried[root]]["a"] >= 0:
-                root = joints[carried[root]]["a"]
-            link["tree"], link["root"] = f"tree{root}", root
-        self.trees = {
-            self.links[root]["tree"]: {
-                "links": [link for link in self.links if link["root"] == root],
-                "grounded": root in carried,
-            }
-            for root in dict.fromkeys(link["root"] for link in self.links)
-        }
-        self.rigid = [
-            name
-            for name, tree in self.trees.items()
-            if not tree["grounded"] and len(tree["links"]) == 1
-        ]
-        """Names of those that are one rigid body."""
+        self.limits = joint_limits(problem, self.scene, within_half_a_turn=False)
+        self.drops = problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits
+        self.carriers = {joint["b"]: index for index, joint in enumerate(self.joints)}
+        """Joint that carries a body, one at most: the joints are those of a tree."""
+        self.links = [self._link(k, body) for k, body in enumerate(self.scene.bodies)]
+        self.trees = {each["tree"]: [BASE] * (each["tree"] == MACHINE) for each in self.links}
+        for link in self.links:
+            self.trees[link["tree"]].append(link)
+        self.rigid = [tree for tree, links in self.trees.items() if len(links) == 1]
 
-    def _link(self, k: int, index: int | None) -> Json:
+    def _tree(self, k: int) -> str:
+        if k not in self.carriers:
+            return f"free{k}"
+        parent = self.joints[self.carriers[k]]["a"]
+        return MACHINE if parent < 0 else self._tree(parent)
+
+    def _link(self, k: int, body: Json) -> Json:
         """A body and the joint that carries it, which reads zero at the start."""
-        body, name = self.scene.bodies[k], self.scene.names[k]
-        link: Json = {"name": f"link{k}", "body": name, **body, "kind": None, "ends": None}
+        name, index = self.scene.names[k], self.carriers.get(k)
+        link = {**body, "name": f"link{k}", "body": name, "tree": self._tree(k), "joint": index}
         if index is None:
-            return link
-        joint, coordinates = self.scene.joints[index], self.scene.mechanism.coordinates
-        parent = {"position": (0.0, 0.0), "speed": 0.0}
-        parent = self.scene.bodies[joint["a"]] if joint["a"] >= 0 else parent
-        axis, speed = 0.0, parent["speed"] - body["speed"]
+            return link | {"kind": None, "ends": None}
+        joint, mechanism = self.joints[index], self.scene.mechanism
+        parent = self.scene.bodies[joint["a"]] if joint["a"] >= 0 else BASE
+        axis, rate = 0.0, parent["speed"] - body["speed"]
         if joint["kind"] == "slide":
             axis = cmath.phase(complex(*upright(joint["axis"])))
-            slide = self.scene.mechanism.joint_of(name).slides[0]
-            speed = float(self.scene.u[coordinates.index(slide)])
+            slide = mechanism.joint_of(name).slides[0]
+            rate = float(self.scene.u[mechanism.coordinates.index(slide)])
+        low, high = self.limits.get(index, (None, None))  # clockwise
         return link | {
-            "joint": index,
             "kind": _KINDS[joint["kind"]],
-            "parent": f"link{joint['a']}" if joint["a"] >= 0 else "base",
+            "parent": f"link{joint['a']}" if joint["a"] >= 0 else BASE["name"],
             "at": np.add(body["position"], joint["pointB"]) - parent["position"],
             "point": joint["pointB"],
-            "turned": (math.cos(axis / 2), math.sin(axis / 2)),
             "axis": axis,
-            "speed": None if joint["kind"] == "weld" else speed,
-            "ends": self.ranges.get(index),
+            "rate": rate,
+            "ends": (-FAR if high is None else -high, FAR if low is None else -low)
+            if index in self.limits
+            else None,
         }
 
     def program(self) -> str:
         """The program of the run."""
-        gravity, options = complex(*self.scene.mechanism.gravity_vector), self.options
-        shared = {
-            "plan": self,
-            "drops": self.problem.stop_law is StopLaw.RELEASE_ONCE and not options.keep_limits,
-            "far": FAR,
-        }
-        scene = filled_template(
+        gravity, step = complex(*self.scene.mechanism.gravity_vector), self.options.timestep
+        usd = filled_template(
             __name__,
             "scene.usda.j2",
-            options=options,
-            own=options.default_options,
+            plan=self,
+            options=self.options,
             gravity=(abs(gravity), gravity / (abs(gravity) or 1.0)),
-            rate=max(1, round(1 / options.timestep)),
-            degrees=math.degrees,
+            rate=max(1, round(1 / step)),
             vector=lambda xy: f"({', '.join(map(repr, upright(xy)))}, 0)",
-            **shared,
-            **options.of_usd(),
+            math=math,
+            far=FAR,
         )
-        return body_program(
-            __name__,
-            self.frames,
-            self.problem,
-            options.timestep,
-            usd=scene,
-            at_limit=AT_LIMIT,
-            **shared,
-        )
-
-    def executed(self) -> dict[str, Any]:
-        """Names of the program, after it."""
-        found = dict[str, Any]()
-        exec(self.program(), found)
-        return found
+        places = {link["body"]: (link["tree"], link["name"]) for link in self.links}
+        ranges = [(link["body"], *link["ends"]) for link in self.links if link["ends"]]
+        own = {"plan": self, "usd": usd, "places": places, "ranges": ranges, "far": FAR}
+        return body_program(__name__, self.frames, self.problem, step, **own)
 
     def run(self) -> Recording:
-        """Step PhysX from the start to the problem's end or just beyond, and read its links."""
-        found, joints = self.executed(), len(self.scene.joints)
-        forces, limits = np.split(found["told"], [2 * joints], axis=1)
+        """Step PhysX from the start to the problem's end or just beyond, and read its bodies."""
+        found = apart(run_program, self.program())
+        forces, limits = np.split(found["told"], [2 * len(self.joints)], axis=1)
         limited = [link["joint"] for link in self.links if link["ends"]]
         torques = dict(zip(limited, limits.T, strict=True))
         taken = BodySteps(
@@ -141,7 +123,7 @@ class Plan:
             self.spread,
             found["t"],
             scene_states(self.frames, self.scene, found["states"]),
-            forces=forces.reshape(len(forces), joints, 2) * MIRROR,
+            forces=forces.reshape(len(forces), -1, 2) * MIRROR,
             torques={
                 name: np.maximum(0.0, -stop["side"] * torques[stop["joint"]])
                 for name, stop in self.stops.items()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
-from trebucheck.engines.child_process import not_before_a_fork
 from trebucheck.engines.inspection import Inspection, State
 from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
@@ -15,20 +15,22 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.body_program import apart
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 from trebucheck_toolkit.node_scene import BUILT
 
+from .alone import Plan
 from .study import STUDY
+from .tree import inspect
 
-# In a fork of a process that has loaded PhysX's libraries runs hang or end by SIGSEGV.
-not_before_a_fork("ovphysx")
 ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
-    "of_articulation": {
+    "scene": {"solver": "uniform token physxScene:solverType"},
+    "articulation": {
         "position_iterations": "int physxArticulation:solverPositionIterationCount",
         "velocity_iterations": "int physxArticulation:solverVelocityIterationCount",
         "sleep_threshold": "float physxArticulation:sleepThreshold",
     },
-    "of_body": {
+    "body": {
         "angular_damping": "float physxRigidBody:angularDamping",
         "max_angular_velocity": "float physxRigidBody:maxAngularVelocity",
         "sleep_threshold": "float physxRigidBody:sleepThreshold",
@@ -90,31 +92,22 @@ class OvphysxEngine(BuiltinEngine):
     )
     keep_limits: KeepLimits = False
 
-    def of_usd(self) -> Mapping[str, list[str]]:
-        """Attributes of USD that differ from ovphysx's own: of articulations, of all bodies."""
-        own = self.default_options or {}
-        return {
-            kind: [
-                f"{attribute} = {value}"
-                for option, attribute in attributes.items()
-                if (value := getattr(self, option)) != own[option]
-            ]
-            for kind, attributes in ATTRIBUTES.items()
-        }
+    def attributes(self, kind: str) -> list[str]:
+        """Attributes in USD of the scene, its articulations or bodies, that are not PhysX's own."""
+        own, given = self.default_options or {}, ATTRIBUTES[kind].items()
+        return [
+            f"{attribute} = {json.dumps(getattr(self, option))}"
+            for option, attribute in given
+            if getattr(self, option) != own[option]
+        ]
 
     def _run(self, problem: Problem) -> Recording:
-        from .alone import Plan
-
         return Plan(problem, self).run()
 
     def _script(self, problem: Problem) -> str:
-        from .alone import Plan
-
         return Plan(problem, self).program()
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Dynamics of the built scene in each state, as :mod:`.tree` reads them."""
         self.refuse_absence()
-        from .tree import inspect
-
-        return inspect(mechanism, states, self)
+        return apart(inspect, mechanism, states, self)

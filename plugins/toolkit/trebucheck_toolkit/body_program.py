@@ -22,9 +22,11 @@ It has the values `problem`, `frames`, `names` of the bodies, `text`, `upright`,
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from joblib.externals.loky import ProcessPoolExecutor
+from joblib.externals.loky.process_executor import BrokenProcessPool
 from trebucheck.engines.events import whole_steps
 from trebucheck.engines.study import filled_template
 from trebucheck.models.arrays import FloatArray
@@ -39,11 +41,14 @@ from trebucheck.models.elements import (
     SlideSpringDamper,
     SpringDamper,
 )
+from trebucheck.models.errors import SimulationError
 from trebucheck.models.mechanism import Mechanism, Slide
 from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Vector
 
 from .node_scene import MIRROR, REFUSED, NodeScene
+
+_Result = TypeVar("_Result")
 
 
 class Frames(Protocol):
@@ -141,6 +146,22 @@ def run_program(program: str) -> dict[str, FloatArray]:
     arrays = {name: found[name] for name in ("t", "q", "u", "states", "told")}
     found.clear()  # its functions hold it: an engine's world would stay until cycles are broken
     return arrays
+
+
+def apart(function: Callable[..., _Result], *given: Any) -> _Result:
+    """Call a function in a process that is started for it.
+
+    Libraries may keep memory that forks share: with those the second run in forks of a process that
+    has loaded them hangs or crashes.
+
+    Raises:
+        SimulationError: the process ended by itself.
+    """
+    try:
+        with ProcessPoolExecutor(max_workers=1) as process:
+            return process.submit(function, *given).result()
+    except BrokenProcessPool as error:
+        raise SimulationError(f"the process of the run ended by itself: {error}") from None
 
 
 def scene_states(frames: Frames, scene: NodeScene, states: FloatArray) -> FloatArray:
