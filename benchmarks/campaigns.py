@@ -9,9 +9,9 @@ cluster, 1e3 and 1e4 of them). All where none is named. No test reads this; the 
 
 from __future__ import annotations
 
+import argparse
 import resource
 import shutil
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -150,5 +150,11 @@ _PARTS: dict[str, Callable[[], None]] = {
 }
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or _PARTS:
+    asked = argparse.ArgumentParser(description="Cost of campaigns.")
+    asked.add_argument("parts", nargs="*", metavar="PART", help=", ".join(_PARTS))
+    parts = asked.parse_args().parts or [*_PARTS]
+    unknown = [name for name in parts if name not in _PARTS]
+    if unknown:
+        asked.error(f"no part is called {unknown[0]!r}; there are {', '.join(_PARTS)}.")
+    for name in parts:
         _PARTS[name]()
