@@ -19,6 +19,7 @@ from trebucheck.models.mechanism import Body
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 
 Point = tuple[float, float]
+_LEAST = 1e-300  # [kg, kg m^2] above zero, and nothing beside any other
 
 
 class Link(NamedTuple):
@@ -78,9 +79,12 @@ def frame(angle: float, place: tuple[float, float]) -> Any:
 
 
 def inertia_of(mass: float, centre: tuple[float, float], inertia: float) -> Any:
-    """Inertia of a flat body: in-plane moments are half of that about its normal."""
-    moment = np.diag([0.5 * inertia, 0.5 * inertia, inertia])
-    return dartpy.dynamics.Inertia(mass, np.array([*centre, 0.0]), moment)
+    """Inertia of a flat body: in-plane moments are half of that about its normal.
+
+    DART prints a line for each number that is zero, so those are the least that it takes.
+    """
+    moment = np.diag(np.maximum([0.5 * inertia, 0.5 * inertia, inertia], _LEAST))
+    return dartpy.dynamics.Inertia(max(mass, _LEAST), np.array([*centre, 0.0]), moment)
 
 
 def add_link(
