@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -15,7 +16,7 @@ from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem, StopLaw
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.body_program import apart
+from trebucheck_toolkit.body_program import apart, run_program
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 from trebucheck_toolkit.node_scene import BUILT
 
@@ -102,7 +103,7 @@ class OvphysxEngine(BuiltinEngine):
         ]
 
     def _run(self, problem: Problem) -> Recording:
-        return Plan(problem, self).run()
+        return Plan(problem, self).run(partial(apart, run_program))
 
     def _script(self, problem: Problem) -> str:
         return Plan(problem, self).program()
