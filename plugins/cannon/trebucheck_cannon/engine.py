@@ -20,12 +20,11 @@ from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance, Part, has_stops
 from trebucheck.models.features import Basic, Feature
-from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import BUILT, NodeScene
+from trebucheck_toolkit.node_scene import NodeScene, body_capabilities
 
 from .study import STUDY
 
@@ -87,16 +86,11 @@ class CannonEngine(NodeEngine):
     reads_back: ClassVar[bool] = True
     slop: ClassVar[float] = OPENING
     within_half_a_turn: ClassVar[bool] = True
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True,
-        joint_gaps=True,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates, joints and limits by regularized impulses, "
-        "semi-implicit Euler",
-        features=frozenset(Feature) - {Feature.MOVING_WALL, Feature.MOVING_SLOT, Feature.PRISMATIC},
-        elements=BUILT,
-        lacking=frozenset({Basic.SLOT, Basic.POINT_STOP, Basic.REBOUND}),
+    capabilities: ClassVar[Capabilities] = body_capabilities(
+        "Cartesian coordinates, joints and limits by regularized impulses, semi-implicit Euler",
+        Feature.MOVING_SLOT,
+        Feature.PRISMATIC,
+        Basic.SLOT,
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE

@@ -34,6 +34,7 @@ class Plan(BodyPlan):
     widest: ClassVar[float] = 2000.0 * math.pi
     """PhysX takes no infinite end of a limit on one side."""
     slop: ClassVar[float] = OPENING
+    survives_forks: ClassVar[bool] = False
 
     def __init__(self, problem: Problem, options: Any) -> None:
         super().__init__(problem, options)

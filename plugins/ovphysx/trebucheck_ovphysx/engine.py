@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, Supplied
-from trebucheck.models.features import Basic, Feature
+from trebucheck.models.features import Basic
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.body_program import apart, run_program
-from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT, KeepLimits
-from trebucheck_toolkit.node_scene import BUILT
+from trebucheck_toolkit.body_plan import BodyEngine
+from trebucheck_toolkit.body_program import apart
+from trebucheck_toolkit.node_scene import body_capabilities
 
 from .alone import Plan
 from .study import STUDY
@@ -41,7 +39,7 @@ ATTRIBUTES: Mapping[str, Mapping[str, str]] = {
 Iterations = Annotated[int, Field(ge=1, le=255)]
 
 
-class OvphysxEngine(BuiltinEngine):
+class OvphysxEngine(BodyEngine):
     """A scene of ovphysx on the processor; every preset's run is a program of its own.
 
     Raises:
@@ -51,16 +49,10 @@ class OvphysxEngine(BuiltinEngine):
     name: ClassVar[str] = "ovphysx"
     package: ClassVar[str] = "ovphysx"
     tables: ClassVar[EngineStudy] = STUDY
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True,
-        joint_gaps=True,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="minimal relative joints in single precision, limits by impulses, "
-        "semi-implicit Euler",
-        features=frozenset(Feature) - {Feature.MOVING_WALL},
-        elements=BUILT,
-        lacking=frozenset({Basic.LOOP, Basic.SLOT, Basic.POINT_STOP, Basic.REBOUND}),
+    capabilities: ClassVar[Capabilities] = body_capabilities(
+        "minimal relative joints in single precision, limits by impulses, semi-implicit Euler",
+        Basic.LOOP,
+        Basic.SLOT,
     )
     default_options: ClassVar[Mapping[str, object] | None] = {
         "keep_limits": True,
@@ -72,9 +64,6 @@ class OvphysxEngine(BuiltinEngine):
         "max_angular_velocity": 5729.58,
         "sleep_threshold": 5e-5,
     }
-    settings_options: ClassVar[Mapping[str, object] | None] = {"keep_limits": True}
-    assistance: ClassVar[tuple[Assistance, ...] | None] = (LIMITS_TAKEN_OUT,)
-    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
     timestep: Positive = Field(default=2.5e-4, le=1.0, description="step size [s]")
     solver: Literal["TGS", "PGS"] = Field(
@@ -91,7 +80,6 @@ class OvphysxEngine(BuiltinEngine):
     sleep_threshold: Annotated[float, Field(ge=0.0)] = Field(
         default=0.0, description="kinetic energy over mass below which links fall asleep [J/kg]"
     )
-    keep_limits: KeepLimits = False
 
     def attributes(self, kind: str) -> list[str]:
         """Attributes in USD of the scene, its articulations or bodies, that are not PhysX's own."""
@@ -102,11 +90,9 @@ class OvphysxEngine(BuiltinEngine):
             if getattr(self, option) != own[option]
         ]
 
-    def _run(self, problem: Problem) -> Recording:
-        return Plan(problem, self).run(partial(apart, run_program))
-
-    def _script(self, problem: Problem) -> str:
-        return Plan(problem, self).program()
+    def plan(self, problem: Problem) -> Plan:
+        """Plan a run, whose scene is in USD."""
+        return Plan(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Dynamics of the built scene in each state, as :mod:`.tree` reads them."""

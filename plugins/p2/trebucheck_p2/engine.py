@@ -16,13 +16,11 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.models.features import Basic, Feature
-from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import BUILT, NodeScene
+from trebucheck_toolkit.node_scene import NodeScene, body_capabilities
 
 from .study import STUDY
 
@@ -75,16 +73,8 @@ class P2Engine(NodeEngine):
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
     slop: ClassVar[float] = OPENING  # a limit acts in the steps that begin beyond it
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True,
-        joint_gaps=True,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates, joints and limits by regularized impulses, "
-        "semi-implicit Euler",
-        features=frozenset(Feature) - {Feature.MOVING_WALL},
-        elements=BUILT,
-        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
+    capabilities: ClassVar[Capabilities] = body_capabilities(
+        "Cartesian coordinates, joints and limits by regularized impulses, semi-implicit Euler",
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = ALONE

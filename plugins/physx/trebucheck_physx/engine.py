@@ -17,14 +17,12 @@ from pydantic import Field
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance
-from trebucheck.models.features import Basic, Feature
-from trebucheck.models.problem import StopLaw
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.kept_limits import HELD_FROM_BOTH_SIDES
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import BUILT, NodeScene
+from trebucheck_toolkit.node_scene import NodeScene, body_capabilities
 
 from .study import STUDY
 
@@ -84,17 +82,9 @@ class PhysxEngine(NodeEngine):
     reads_back: ClassVar[bool] = True
     slop: ClassVar[float] = OPENING  # rounding opens a limit by 1e-6 rad, in some steps
     within_half_a_turn: ClassVar[bool] = True
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True,
-        joint_gaps=True,
-        stop_torques=True,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates in single precision, joints and limits by sequential "
+    capabilities: ClassVar[Capabilities] = body_capabilities(
+        "Cartesian coordinates in single precision, joints and limits by sequential "
         "impulses, semi-implicit Euler",
-        features=frozenset(Feature) - {Feature.MOVING_WALL},
-        elements=BUILT,
-        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE

@@ -23,13 +23,12 @@ from trebucheck.engines.protocol import Capabilities, Recording
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance
 from trebucheck.models.arrays import FloatArray
-from trebucheck.models.features import Basic, Feature
-from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Positive
 from trebucheck_toolkit.kept_limits import HELD_FROM_BOTH_SIDES, LIMITS_TAKEN_OUT, KeepLimits
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import BUILT, NodeScene, lawful_stops
+from trebucheck_toolkit.node_scene import NodeScene, body_capabilities, lawful_stops
 
 from .study import STUDY
 
@@ -90,16 +89,8 @@ class PlanckEngine(NodeEngine):
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
     slop: ClassVar[float] = OWN["angular_slop"]
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True,
-        joint_gaps=True,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates, joints and limits by sequential impulses, "
-        "semi-implicit Euler",
-        features=frozenset(Feature) - {Feature.MOVING_WALL},
-        elements=BUILT,
-        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
+    capabilities: ClassVar[Capabilities] = body_capabilities(
+        "Cartesian coordinates, joints and limits by sequential impulses, semi-implicit Euler",
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = _ALONE

@@ -7,37 +7,31 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field
 from trebucheck.engines.inspection import Inspection, State
-from trebucheck.engines.protocol import BuiltinEngine, Capabilities, Recording
+from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
-from trebucheck.engines.supplied import Assistance, Part, Supplied
-from trebucheck.models.features import Basic, Feature
+from trebucheck.engines.supplied import Assistance, Part
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.problem import Problem
 from trebucheck.models.spec import Positive
+from trebucheck_toolkit.body_plan import BodyEngine
 from trebucheck_toolkit.kept_limits import LIMITS_TAKEN_OUT
-from trebucheck_toolkit.node_scene import BUILT
+from trebucheck_toolkit.node_scene import body_capabilities
 
+from .alone import Plan
 from .study import STUDY
 
 _FASTER = "lets the world's time run faster, in which the joints' 60 Hz are stiffer"
 
 
-class Box2D3Engine(BuiltinEngine):
+class Box2D3Engine(BodyEngine):
     """Box2D 3's world; every preset's run is a program of its own (:mod:`.alone`)."""
 
     name: ClassVar[str] = "pyb2d3"
     package: ClassVar[str] = "pyb2d3"
     tables: ClassVar[EngineStudy] = STUDY
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        joint_reactions=True,
-        joint_gaps=True,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates in single precision, soft joints and limits by impulses "
+    capabilities: ClassVar[Capabilities] = body_capabilities(
+        "Cartesian coordinates in single precision, soft joints and limits by impulses "
         "in sub-steps, semi-implicit Euler",
-        features=frozenset(Feature) - {Feature.MOVING_WALL},
-        elements=BUILT,
-        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
     )
     settings_options: ClassVar[Mapping[str, object] | None] = {
         "world_step": None,
@@ -53,7 +47,6 @@ class Box2D3Engine(BuiltinEngine):
         Assistance(Part.UNITS, _FASTER, "world_step", off=None),
         LIMITS_TAKEN_OUT,
     )
-    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
 
     timestep: Positive = Field(default=1e-3, le=1.0, description="step size [s]")
     sub_steps: Annotated[int, Field(ge=1, le=10_000)] = Field(
@@ -74,15 +67,9 @@ class Box2D3Engine(BuiltinEngine):
         "stop that releases for good is taken out where it is open by 1e-3 rad",
     )
 
-    def _run(self, problem: Problem) -> Recording:
-        from .alone import Plan
-
-        return Plan(problem, self).run()
-
-    def _script(self, problem: Problem) -> str:
-        from .alone import Plan
-
-        return Plan(problem, self).program()
+    def plan(self, problem: Problem) -> Plan:
+        """Plan a run in Box2D's own world."""
+        return Plan(problem, self)
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
         """Masses, inertias, anchors and gravity of the built world, and what follows from them."""

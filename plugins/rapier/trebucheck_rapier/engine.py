@@ -12,6 +12,7 @@ torques given to the bodies before each step.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -23,11 +24,11 @@ from trebucheck.engines.supplied import Assistance, Part, has_stops
 from trebucheck.models.elements import SlotJoint
 from trebucheck.models.features import Basic, Feature
 from trebucheck.models.mechanism import Mechanism
-from trebucheck.models.problem import Problem, StopLaw
+from trebucheck.models.problem import Problem
 from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
-from trebucheck_toolkit.node_scene import BUILT, NodeScene, joint_limits
+from trebucheck_toolkit.node_scene import NodeScene, body_capabilities, joint_limits
 
 from .build import RapierScene
 from .study import STUDY
@@ -85,17 +86,13 @@ class RapierEngine(NodeEngine):
     package: ClassVar[str] = "trebucheck-rapier"
     tables: ClassVar[EngineStudy] = STUDY
     reads_back: ClassVar[bool] = True
-    capabilities: ClassVar[Capabilities] = Capabilities(
+    capabilities: ClassVar[Capabilities] = replace(
+        body_capabilities(
+            "Cartesian coordinates in single precision, joints and limits by impulses in "
+            "substeps, semi-implicit Euler"
+        ),
         joint_reactions=False,
-        joint_gaps=True,
         stop_torques=False,
-        located_releases=False,
-        stop_laws=frozenset(StopLaw),
-        formulation="Cartesian coordinates in single precision, joints and limits by impulses in "
-        "substeps, semi-implicit Euler",
-        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
-        features=frozenset(Feature) - {Feature.MOVING_WALL},
-        elements=BUILT,
     )
     default_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, **OWN}
     settings_options: ClassVar[Mapping[str, object] | None] = {**_ALONE, "timestep": 2.5e-4}

@@ -1,22 +1,24 @@
-"""Runs of engines of bodies in Python: a program each, whatever the preset.
+"""An engine of bodies in Python whose run is one program, whatever the preset.
 
-The counterpart of :class:`.NodeEngine` for engines that Python calls. See :mod:`.body_program` for
-the functions of a program.
+The counterpart of :class:`.NodeEngine` for engines that Python calls: a package has a subclass of
+:class:`BodyEngine`, one of :class:`BodyPlan`, and the template `templates/alone.py.j2`. See
+:mod:`.body_program` for the functions of a program.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
 from trebucheck.engines.point_masses import spread_masses
-from trebucheck.engines.protocol import Recording
-from trebucheck.models.arrays import FloatArray
+from trebucheck.engines.protocol import BuiltinEngine, Recording
+from trebucheck.engines.supplied import Assistance, Part, Supplied
 from trebucheck.models.problem import Problem, StopLaw
 
 from .alone import BodySteps
-from .body_program import UprightScene, body_program, run_program, scene_states
+from .body_program import UprightScene, apart, body_program, run_program, scene_states
+from .kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 from .node_scene import MIRROR, NodeScene, joint_limits, lawful_stops
 
 
@@ -44,6 +46,8 @@ class BodyPlan:
     """Angle by which limits may give way without being open [rad]."""
     at_end: ClassVar[bool] = False
     """Whether a step's forces are those at its end."""
+    survives_forks: ClassVar[bool] = True
+    """Whether forks of a process that has run the engine can; else a run has its own process."""
 
     def __init__(self, problem: Problem, options: Any, *, as_described: bool = False) -> None:
         self.problem, self.options = problem, options
@@ -70,13 +74,14 @@ class BodyPlan:
         module, step = type(self).__module__, self.options.timestep
         return body_program(module, self.frames, self.problem, step, plan=self, **self.values())
 
-    def run(self, run: Callable[[str], dict[str, FloatArray]] = run_program) -> Recording:
+    def run(self) -> Recording:
         """Step the engine from the start to the problem's end or just beyond, and read its bodies.
 
-        Args:
-            run: runs a program, for its arrays.
+        Raises:
+            SimulationError: the run's own process ended by itself.
         """
-        found = run(self.program())
+        program = self.program()
+        found = run_program(program) if self.survives_forks else apart(run_program, program)
         forces, limits = np.split(found["told"], [2 * len(self.joints)], axis=1)
         torques = dict(zip(self.ranges, limits.T, strict=True))
         return BodySteps(
@@ -93,3 +98,27 @@ class BodyPlan:
             slop=self.slop,
             at_end=self.at_end,
         ).recording(found["q"], found["u"])
+
+
+class BodyEngine(BuiltinEngine):
+    """An engine of bodies; the subclass says how its program is planned."""
+
+    settings_options: ClassVar[Mapping[str, object] | None] = {"keep_limits": True}
+    assistance: ClassVar[tuple[Assistance, ...] | None] = (LIMITS_TAKEN_OUT,)
+    readings: ClassVar[Supplied] = {Part.ELEMENTS: "as forces given before each step"}
+
+    keep_limits: KeepLimits = False
+
+    def plan(self, problem: Problem) -> BodyPlan:
+        """Plan a run; the module of the plan need not be imported before.
+
+        Raises:
+            UnsupportedProblemError: the mechanism has a part that the program does not build.
+        """
+        raise NotImplementedError
+
+    def _run(self, problem: Problem) -> Recording:
+        return self.plan(problem).run()
+
+    def _script(self, problem: Problem) -> str:
+        return self.plan(problem).program()

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.rotors import rotors_of
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import (
@@ -38,7 +39,7 @@ from trebucheck.models.elements import (
     WeldJoint,
 )
 from trebucheck.models.errors import UnsupportedProblemError
-from trebucheck.models.features import COVERED_BY_FEATURES
+from trebucheck.models.features import COVERED_BY_FEATURES, Basic, Feature
 from trebucheck.models.kinematics import Kinematics, initial_state
 from trebucheck.models.mechanism import Body, Mechanism
 from trebucheck.models.problem import Problem, StopLaw
@@ -55,6 +56,26 @@ REFUSED: Mapping[type, str] = {
 """Force elements that programs of bodies do not have, each with the reason."""
 BUILT: frozenset[type] = COVERED_BY_FEATURES | {RotorInertia, SlideSpringDamper}
 """Classes of elements that a scene and its programs build; an engine may lack joints of them."""
+
+
+def body_capabilities(formulation: str, *without: Basic | Feature) -> Capabilities:
+    """Capabilities of an engine of bodies that builds all that a scene has, and tells its forces.
+
+    Args:
+        formulation: coordinates and treatment of constraints, in a few words.
+        without: elements that it cannot build, besides walls for points and restitution.
+    """
+    whole = Capabilities(
+        joint_reactions=True,
+        joint_gaps=True,
+        located_releases=False,
+        stop_laws=frozenset(StopLaw),
+        formulation=formulation,
+        features=frozenset(Feature) - {Feature.MOVING_WALL},
+        elements=BUILT,
+        lacking=frozenset({Basic.POINT_STOP, Basic.REBOUND}),
+    )
+    return whole.without(without)
 
 
 def turned(angle: float | FloatArray, vector: FloatArray) -> FloatArray:
