@@ -28,7 +28,8 @@ from trebucheck.engines.supplied import (
 )
 
 PLUGINS = Path(__file__).parents[2] / "plugins"
-NODE_ENGINE = PLUGINS / "toolkit" / "trebucheck_toolkit" / "node_engine.py"
+BASES = {"(NodeEngine)": "node_engine.py", "(BodyEngine)": "body_plan.py"}
+"""Modules of the toolkit that have the base classes of engines."""
 ALL = concerned(stops=True, impacts=True, loops=True, elements=True)
 
 
@@ -105,8 +106,10 @@ def test_mujoco_says_what_is_done_in_its_place() -> None:
 def test_an_adapter_that_uses_a_shared_driver_says_so(path: Path) -> None:
     """Of the plug-ins here, by their text: their engines are not installed."""
     text = path.read_text(encoding="utf-8")
-    if "(NodeEngine)" in text:
-        text += NODE_ENGINE.read_text(encoding="utf-8")
+    for base, module in BASES.items():
+        if base in text:
+            toolkit = PLUGINS / "toolkit" / "trebucheck_toolkit"
+            text += (toolkit / module).read_text(encoding="utf-8")
     declared = text.partition("def supplied")[2].partition("def ")[0]
     declared += text.partition("assistance: ClassVar")[2].partition("def ")[0]
     declared += "".join(re.findall(r"^_\w+: Supplied = .*", text, re.MULTILINE))
