@@ -80,10 +80,11 @@ for (const section of document.querySelectorAll("section.verdicts")) {
   // Rows of engines, made when they are first shown. Presets that an engine was not run with stay empty.
   const engineRows = new Map();
   function engineRow(name, apart, ofEngine) {
-    const key = `${name} ${apart}`, first = ofEngine[0];
+    const key = `${name} ${apart}`;
     if (!engineRows.has(key)) {
       const head = element("th", {scope: "row", tabIndex: -1}, element("b", {textContent: name}));
-      const facts = ofEngine.map((row) => {
+      const whole = rows.filter((row) => row.engine === name && row.apart === apart), first = whole[0];
+      const facts = whole.map((row) => {
         const known = Object.fromEntries(row.card.facts.map(([name, fact]) => [text(name), text(fact)]));
         return [kept(row.preset), kept(`${known.scheme}; agrees ${known.agrees}`)];
       });
@@ -143,12 +144,11 @@ for (const section of document.querySelectorAll("section.verdicts")) {
 
   function lay() {
     choose();
-    const visible = new Set(shown.columns), counted = shown.rows.filter((row) => !row.apart);
+    const visible = new Set(shown.columns);
     shown.engines = asEngines();
-    shown.presets = data.presets.filter((preset) => (counted.length ? counted : shown.rows).some((row) => row.preset === preset));
+    shown.presets = data.presets.filter((preset) => shown.rows.some((row) => row.preset === preset));
     const parts = shown.engines ? shown.presets.length : 1, leading = shown.engines ? 1 : data.leading;
     table.classList.toggle("engines", shown.engines);
-    table.style.setProperty("--parts", parts);
     body.replaceChildren(...placed());
     let before = null;
     heads.forEach((head, j) => {
@@ -477,6 +477,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
       choices.style.top = `${box.bottom + 4}px`;
     });
   }
+  small.addEventListener("change", lay);
   addEventListener("hashchange", () => { if (location.hash.includes("=") || !location.hash) start(); });
 
   function start() {
