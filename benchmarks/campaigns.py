@@ -151,10 +151,7 @@ _PARTS: dict[str, Callable[[], None]] = {
 
 if __name__ == "__main__":
     asked = argparse.ArgumentParser(description="Cost of campaigns.")
-    asked.add_argument("parts", nargs="*", metavar="PART", help=", ".join(_PARTS))
-    parts = asked.parse_args().parts or [*_PARTS]
-    unknown = [name for name in parts if name not in _PARTS]
-    if unknown:
-        asked.error(f"no part is called {unknown[0]!r}; there are {', '.join(_PARTS)}.")
-    for name in parts:
+    asked.add_argument("parts", nargs="*", choices=[*_PARTS, "all"], default="all")
+    parts = asked.parse_args().parts
+    for name in _PARTS if "all" in parts else parts:
         _PARTS[name]()

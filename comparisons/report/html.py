@@ -153,11 +153,15 @@ def _verdict_grid(block: VerdictGrid) -> Markup:
     return Markup(fragment.render(block=block, groups=groups, row_groups=row_groups, data=data))
 
 
+_OF_PROBLEM = "%PROBLEM%"  # stands for the name of a cell's problem in its command
+
+
 @dataclass
 class _GridData:
     """A grid as the script reads it; each text is there once, and told by its number.
 
-    So is what quantities share. Titles and leads of cells follow from the table.
+    So is what quantities share. Titles and leads of cells follow from the table, and the name of
+    its problem is left out of a cell's command.
     """
 
     block: VerdictGrid
@@ -171,13 +175,13 @@ class _GridData:
         rows: list[dict[str, Any]] = []
         for row in block.rows:
             cells: list[dict[str, Any] | None] = []
-            for cell in row.cells:
+            for cell, column in zip(row.cells, block.columns, strict=True):
                 if cell is None:
                     cells.append(None)
                     continue
                 own = block.shares.index(cell.own) if cell.own in block.shares else -1
                 named = {"state": states.index(cell.state), "symbol": cell.symbol, "own": own}
-                cells.append(named | self._details(cell.card))
+                cells.append(named | self._details(cell.card, column.name))
             named = {name: getattr(row, name) for name in ("engine", "preset", "group", "apart")}
             rows.append(named | {"card": self._card(row.card), "cells": cells})
         columns: list[dict[str, Any]] = []
@@ -190,6 +194,7 @@ class _GridData:
             "shares": block.shares,
             "apart": block.apart,
             "leading": len(block.leading),
+            "ofProblem": _OF_PROBLEM,
             "rows": rows,
             "columns": columns,
             "shared": [[*map(self._number, each)] for each in self.shared],
@@ -200,7 +205,8 @@ class _GridData:
         heads = {"title": self._number(card.title), "lead": self._number(card.lead)}
         return heads | self._details(card)
 
-    def _details(self, card: Card) -> dict[str, Any]:
+    def _details(self, card: Card, problem: str = "") -> dict[str, Any]:
+        command = card.command.replace(f" {problem} ", f" {_OF_PROBLEM} ", 1)
         quantities: list[list[Any]] = []
         for each in card.quantities:
             of_all = each.quantity, each.subject, each.tolerance, each.unit, each.count, each.source
@@ -210,7 +216,7 @@ class _GridData:
         return {
             "quantities": quantities,
             "facts": [[self._number(name), self._number(fact)] for name, fact in card.facts],
-            "command": self._number(card.command),
+            "command": self._number(command),
             "link": self._number(card.link),
         }
 

@@ -313,7 +313,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     if (!row) return {...data.columns[j].card, problem: data.columns[j].name};
     if (j < 0) return row.card;
     const cell = row.cells[j];
-    return cell && {...cell, state: data.states[cell.state], cell: `${row.engine} ${row.preset} ${data.columns[j].name}`};
+    return cell && {...cell, on: data.columns[j].name, state: data.states[cell.state], cell: `${row.engine} ${row.preset} ${data.columns[j].name}`};
   }
 
   function drawn(content) {
@@ -340,7 +340,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     parts.push(element("dl", {}, ...content.facts.flatMap(([name, fact]) => [element("dt", {textContent: text(name)}), element("dd", {textContent: text(fact)})])));
     const actions = element("div", {className: "actions"}), foot = element("div", {className: "foot"});
     if (text(content.command)) {
-      const command = element("pre", {textContent: text(content.command)});
+      const command = element("pre", {textContent: text(content.command).replace(data.ofProblem, content.on ?? "")});
       foot.append(command);
       actions.append(element("button", {type: "button", className: "copy", textContent: "copy command", onclick: async ({currentTarget}) => {
         getSelection().selectAllChildren(command);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,6 +20,7 @@ from ...compare import HOLDS
 from ...matrix import (
     FLOOR,
     CostSweep,
+    DynamicsCheck,
     Error,
     Matrix,
     MatrixProblem,
@@ -31,7 +32,7 @@ from ...matrix import (
     spreads,
 )
 from ...runs.quantities import QUANTITIES, SYMBOLS, parse_label
-from ...runs.results import COMPARED, Outcome
+from ...runs.results import COMPARED, Check, Outcome, share_of
 from .. import document as doc
 from ..document import (
     GridCell,
@@ -640,20 +641,25 @@ def _order_text(order: str, basis: str) -> str:
 
 def _dynamics(matrix: Matrix) -> Iterator[doc.Block]:
     """Mass matrices, forces and accelerations of engines that trebucheck's steps move."""
-    rows: list[tuple[object, ...]] = []
+    found = defaultdict[tuple[str, ...], list[tuple[Check, DynamicsCheck]]](list)
     for each in matrix.dynamics:
         for check in each.checks:
-            value = doc.Cell(format_number(check.value), doc.mark_of(check.holds))
-            names = (each.label, each.engine_version, each.problem, check.label)
-            rows.append((*names, value, format_number(check.tolerance), check.unit, each.states))
+            found[each.label, each.engine_version, check.name].append((check, each))
+    rows: list[tuple[object, ...]] = []
+    for key, checks in found.items():
+        worst, of = max(checks, key=lambda one: share_of(one[0].value, one[0].tolerance) or 0.0)
+        value = doc.Cell(format_number(worst.value), doc.mark_of(worst.holds))
+        holding = f"{sum(check.holds for check, _ in checks)} of {len(checks)}"
+        where = f"{of.problem}, {worst.subject}" if worst.subject else of.problem
+        rows.append((*key, holding, value, format_number(worst.tolerance), worst.unit, where))
     if rows:
         yield doc.Heading("Dynamics", 2)
         yield doc.Note(
             "Engines whose steps are trebucheck's: their built model against the reference's "
-            "equations in random states."
+            "equations in random states. Of each quantity the figure that is farthest towards its "
+            "tolerance, of all problems, coordinates and bodies."
         )
-        heads = "engine | version | problem | quantity | error | tolerance | unit | states"
-        yield doc.table(heads, rows)
+        yield doc.table("engine | version | quantity | hold | error | tolerance | unit | of", rows)
 
 
 _ENGINE = doc.words("engine", wrap=False)
