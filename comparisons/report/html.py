@@ -181,7 +181,8 @@ class _GridData:
                     continue
                 own = block.shares.index(cell.own) if cell.own in block.shares else -1
                 named = {"state": states.index(cell.state), "symbol": cell.symbol, "own": own}
-                cells.append(named | self._details(cell.card, column.name))
+                command = cell.card.command.replace(f" {column.name} ", f" {_OF_PROBLEM} ", 1)
+                cells.append(named | self._details(cell.card, command))
             named = {name: getattr(row, name) for name in ("engine", "preset", "group", "apart")}
             rows.append(named | {"card": self._card(row.card), "cells": cells})
         columns: list[dict[str, Any]] = []
@@ -203,10 +204,9 @@ class _GridData:
 
     def _card(self, card: Card) -> dict[str, Any]:
         heads = {"title": self._number(card.title), "lead": self._number(card.lead)}
-        return heads | self._details(card)
+        return heads | self._details(card, card.command)
 
-    def _details(self, card: Card, problem: str = "") -> dict[str, Any]:
-        command = card.command.replace(f" {problem} ", f" {_OF_PROBLEM} ", 1)
+    def _details(self, card: Card, command: str) -> dict[str, Any]:
         quantities: list[list[Any]] = []
         for each in card.quantities:
             of_all = each.quantity, each.subject, each.tolerance, each.unit, each.count, each.source

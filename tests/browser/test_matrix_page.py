@@ -48,6 +48,14 @@ def _td(page: Any, engine: str, preset: str, problem: str) -> Any:
     return row.locator("td:not(.leading)").nth(names.index(problem))
 
 
+def _cells(page: Any) -> list[dict[str, float]]:
+    """Where the cells of the grid are [px], their text's size, and how much of it is cut off."""
+    return page.evaluate("""() => [...document.querySelectorAll("section.verdicts tbody td")].map((td) => {
+      const {left, right, bottom} = td.getBoundingClientRect(), {fontSize} = getComputedStyle(td);
+      return {left, right, bottom, size: parseFloat(fontSize), cut: td.scrollWidth - td.clientWidth};
+    })""")  # fmt: skip
+
+
 def _engines(page: Any) -> list[str]:
     return page.locator("tr[data-row] th").all_text_contents()
 
@@ -55,10 +63,7 @@ def _engines(page: Any) -> list[str]:
 def test_every_engine_and_problem_is_on_a_laptops_screen_at_once(page: Any) -> None:
     _at(page, "")
     assert page.input_value("[data-control=rows]") == "engines"
-    cells = page.evaluate("""() => [...document.querySelectorAll("section.verdicts tbody td")].map((td) => {
-      const {left, right, top, bottom} = td.getBoundingClientRect(), {fontSize} = getComputedStyle(td);
-      return {left, right, top, bottom, size: parseFloat(fontSize), cut: td.scrollWidth - td.clientWidth};
-    })""")  # fmt: skip
+    cells = _cells(page)
     assert len(cells) >= len(pages.matrix().runs)
     assert min(cell["left"] for cell in cells) >= 0
     assert max(cell["right"] for cell in cells) <= LAPTOP["width"]
@@ -76,8 +81,8 @@ def test_a_cell_of_an_engines_row_opens_the_run_of_its_preset(page: Any) -> None
     matrix = pages.matrix()
     for preset in matrix.presets:
         run = next(run for run in counted_runs(matrix) if run.preset == preset)
-        place = 1 + [problem.name for problem in matrix.problems].index(run.problem)
-        place = 1 + (place - 1) * len(matrix.presets) + matrix.presets.index(preset)
+        column = [problem.name for problem in matrix.problems].index(run.problem)
+        place = 1 + column * len(matrix.presets) + matrix.presets.index(preset)
         row = page.locator("tbody tr", has=page.locator(f"th b:text-is('{run.engine}')")).first
         row.locator("td").nth(place).click()
         text = page.locator(CARD).inner_text()
@@ -107,10 +112,7 @@ def test_numbers_and_few_rows_are_shown_by_preset(page: Any) -> None:
 
 def test_the_whole_grid_is_read_on_a_laptop_without_scrolling_sideways(page: Any) -> None:
     assert page.evaluate("() => document.documentElement.scrollWidth") <= LAPTOP["width"]
-    cells = page.evaluate("""() => [...document.querySelectorAll("section.verdicts tbody td")].map((td) => {
-      const {left, right, height} = td.getBoundingClientRect(), {fontSize} = getComputedStyle(td);
-      return {left, right, height, size: parseFloat(fontSize), cut: td.scrollWidth - td.clientWidth};
-    })""")  # fmt: skip
+    cells = _cells(page)
     runs = len({run.label for run in pages.matrix().runs}) * len(pages.matrix().problems)
     assert len(cells) >= runs
     assert min(cell["left"] for cell in cells) >= 0

@@ -51,7 +51,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
 
   // More rows than these fit no screen: an engine has one then, with a cell for each of its presets.
   const MOST = 40, small = matchMedia("(max-width: 900px)");
-  const ofPresets = () => state.show || state.sort.startsWith("problem"); // numbers, and one error a row
+  const ofPresets = () => state.show !== "" || state.sort.startsWith("problem"); // numbers, and one error a row
   const asEngines = () => {
     if (ofPresets()) return false;
     return state.rows ? state.rows === "engines" : shown.rows.length > MOST && !small.matches;
@@ -185,7 +185,7 @@ for (const section of document.querySelectorAll("section.verdicts")) {
     sort.value = by;
     const kinds = find("[data-control=rows]");
     kinds.value = shown.engines ? "engines" : "presets";
-    kinds.disabled = Boolean(ofPresets());
+    kinds.disabled = ofPresets();
     find("[data-control=show]").value = state.show;
     for (const button of section.querySelectorAll("[data-filter]")) {
       const values = state[button.dataset.filter];

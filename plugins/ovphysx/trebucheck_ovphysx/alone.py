@@ -41,9 +41,10 @@ class Plan(BodyPlan):
         self.carriers = {joint["b"]: index for index, joint in enumerate(self.joints)}
         """Joint that carries a body, one at most: the joints are those of a tree."""
         self.links = [self._link(k, body) for k, body in enumerate(self.scene.bodies)]
-        self.trees = {each["tree"]: [BASE] * (each["tree"] == MACHINE) for each in self.links}
+        self.trees: dict[str, list[Json]] = {}
         for link in self.links:
-            self.trees[link["tree"]].append(link)
+            base = [BASE] if link["tree"] == MACHINE else []
+            self.trees.setdefault(link["tree"], base).append(link)
         self.rigid = [tree for tree, links in self.trees.items() if len(links) == 1]
 
     def _tree(self, k: int) -> str:
