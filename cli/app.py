@@ -144,8 +144,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if sys.stdout is None:  # pyright: ignore[reportUnnecessaryComparison] - it was closed
         return _refused("standard output is closed; > /dev/null discards what is written to it.")
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        words = list(sys.argv[1:] if arguments is None else arguments)
         with warnings.catch_warnings(), _ended_as_interrupted():
             warnings.showwarning = _noted
             code = _group().main(
@@ -166,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             sentence = f"{where}{error.strerror or error}."
         return _refused(sentence, code=1 if isinstance(error, SimulationError) else 2)
     except KeyboardInterrupt:
-        return _interrupted()
+        return _interrupted(words)
     except Exception as error:
         # Usage errors of the command-line library carry their own sentence; anything else is a
         # fault of ours.
@@ -175,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         return _refused(sentence()) if str(sentence()) else 2
     if code == _INTERRUPTED:
-        return _interrupted()
+        return _interrupted(words)
     return code if isinstance(code, int) else 0
 
 
@@ -219,15 +219,12 @@ def _refused(sentence: str, code: int = 2) -> int:
     return code
 
 
-def _interrupted() -> int:
-    commands = sorted(
-        name
-        for name, command in _group().commands.items()
-        if any(parameter.name == "resume" for parameter in command.params)
-    )
-    print(
-        f"interrupted; these commands keep the runs they have finished, and go on from there "
-        f"with --resume: {', '.join(commands)}; a campaign by `trebucheck campaign resume`.",
-        file=sys.stderr,
-    )
+def _interrupted(words: Sequence[str]) -> int:
+    commands = _group().commands
+    name = next((word for word in words if word in commands), None)
+    options = [] if name is None else [each.name for each in commands[name].params]
+    kept = "; finished runs are kept, and --resume goes on from them" if "resume" in options else ""
+    if name == "campaign":
+        kept = "; `trebucheck campaign resume` goes on from its finished runs"
+    print(f"interrupted{kept}.", file=sys.stderr)
     return _INTERRUPTED

@@ -143,10 +143,11 @@ def path_command(call: Call) -> None:
 
 @plugin_app.command("new")
 @command(
-    "name node",
+    "name node package",
     folder(None, "New folder; trebucheck-NAME by default."),
     name=argument("Of the engine: small letters, digits and hyphens."),
-    node=option("--node", "The engine is a package of npm, moved by Node.js.", bool, False),
+    node=option("--node", "The engine is the package of npm of its name.", bool, False),
+    package=option("--package", "The engine is this package of npm.", metavar="NAME@VERSION"),
 )
 def new_command(call: Call) -> None:
     """Write a new folder with pyproject.toml, an engine to fill in, and its tests.
@@ -156,21 +157,15 @@ def new_command(call: Call) -> None:
     Examples:
     trebucheck plugin new my-engine
 
-    trebucheck plugin new my-engine --node
+    trebucheck plugin new my-engine --package its-package@1.2.3
     """
     from ..conformance.skeleton import write_skeleton
 
     folder = call.out or Path(f"trebucheck-{call.name}")
-    for path in write_skeleton(call.name, folder, node=call.node):
+    package = f"{call.name}@*" if call.node and call.package is None else call.package
+    for path in write_skeleton(call.name, folder, package):
         typer.echo(f"Wrote {output.printable(str(path))}")
-    brings, to_fill = "", "engine.py"
-    if call.node:
-        package = f"trebucheck_{call.name.replace('-', '_')}"
-        brings, to_fill = f" python -m {package},", "engine.py and templates/alone.mjs.j2"
-    typer.echo(
-        f"\nNext: cd {output.printable(str(folder))}, pip install -e .[test],{brings} pytest; then "
-        f"fill in {to_fill}."
-    )
+    typer.echo(f"\nNext: cd {output.printable(str(folder))}, and the commands of its README.md.")
 
 
 @command(

@@ -13,21 +13,24 @@ from ..models.errors import InputError
 from ..models.files import refuse_unwritable, write_text
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
+_NPM = re.compile(
+    r"(?P<npm>(@[a-z0-9-][a-z0-9._-]*/)?[a-z0-9-][a-z0-9._-]*)@(?P<version>[\w.^~*+-]+)"
+)
 
 
-def write_skeleton(name: str, folder: Path, *, node: bool = False) -> tuple[Path, ...]:
+def write_skeleton(name: str, folder: Path, npm: str | None = None) -> tuple[Path, ...]:
     """Write pyproject.toml, package and tests of a plug-in into a new folder.
 
     Args:
         name: of the engine: small letters, digits and hyphens.
         folder: new.
-        node: whether the engine is a package of npm, of the same name, moved by Node.js.
+        npm: the engine's package of npm, NAME@VERSION, if Node.js moves it.
 
     Returns:
         The files.
 
     Raises:
-        InputError: the name is not valid or taken, the folder exists, or it cannot be written to.
+        InputError: a name is not valid or taken, the folder exists, or it cannot be written to.
     """
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise InputError(
@@ -43,6 +46,9 @@ def write_skeleton(name: str, folder: Path, *, node: bool = False) -> tuple[Path
         raise InputError(
             f"engine {name!r}: there is one of that name already; another name is needed."
         )
+    brought = None if npm is None else _NPM.fullmatch(npm)
+    if npm is not None and brought is None:
+        raise InputError(f"package {npm!r}: its name and version are needed, e.g. planck@1.4.2.")
     if folder.exists() or folder.is_symlink():
         raise InputError(f"{folder} exists; a new folder is needed, nothing is written over.")
     refuse_unwritable(folder)
@@ -50,18 +56,20 @@ def write_skeleton(name: str, folder: Path, *, node: bool = False) -> tuple[Path
     words = {
         "name": name,
         "package": package,
+        **(brought.groupdict() if brought else {}),
         "cls": f"{name.title().replace('-', '').removesuffix('Engine')}Engine",
     }
-    kind = "node_" if node else ""
+    kind = "node_" if brought else ""
     contents = {
         "pyproject.toml": f"{kind}pyproject.toml",
-        "README.md": "README.md",
+        "README.md": f"{kind}README.md",
+        ".gitignore": "gitignore",
         f"{package}/__init__.py": f"{kind}init.py",
         f"{package}/engine.py": f"{kind}engine.py",
         "tests/conftest.py": f"{kind}conftest.py",
         f"tests/test_{name.replace('-', '_')}.py": "test.py",
     }
-    if node:
+    if brought:
         contents |= {
             f"{package}/__main__.py": "node_main.py",
             f"{package}/node/package.json": "node_package.json",

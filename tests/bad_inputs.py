@@ -202,6 +202,7 @@ _BY_NAME: Mapping[str, Values] = {
     "width": WHOLE,
     "at": ("nan", "abc", "-1", "1e400", "1,,2", "", "1;2"),
     "name": _NAME,
+    "package": (*_NAME, "@", "a@", "@1", "@a/@1", "A@1", "a b@1", "a@1 2", 'a@"', "a@b@1", "a@\n1"),
     "tag": _NAME,
     "sections": _NAME,
     "loader": (*WORDS, "", "nosuch:load", "json:nosuch", "json:loads:x", ":", "a b:E", "os:sep"),

@@ -24,7 +24,6 @@ from trebucheck.models.problem import Problem
 from trebucheck_toolkit.alone import BodySteps
 from trebucheck_toolkit.body_program import UprightScene, load_lines, scene_states
 from trebucheck_toolkit.constrained import held_still
-from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.jax_on_cpu import keep_compiled, without_words_on_warp
 from trebucheck_toolkit.joint_coordinates import JointCoordinates
 from trebucheck_toolkit.joint_tree import JointLimits
@@ -97,13 +96,7 @@ class Plan:
             order = [self.names.index(body.name) for body in self.mechanism.bodies]
             states = scene_states(self.frames, self.scene, found["states"][:, order])
             steps = BodySteps(
-                self.problem,
-                self.scene,
-                self.spread,
-                found["t"],
-                states,
-                torques=torques,
-                slop=OPENING,
+                self.problem, self.scene, self.spread, found["t"], states, torques=torques
             )
             return steps.recording(found["q"], found["u"])
 

@@ -83,8 +83,6 @@ class CannonEngine(NodeEngine):
     name: ClassVar[str] = "cannon"
     package: ClassVar[str] = "trebucheck-cannon"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
-    slop: ClassVar[float] = OPENING
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = body_capabilities(
         "Cartesian coordinates, joints and limits by regularized impulses, semi-implicit Euler",

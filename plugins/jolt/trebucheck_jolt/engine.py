@@ -20,7 +20,6 @@ from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.kept_limits import HELD_FROM_BOTH_SIDES
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
@@ -87,8 +86,6 @@ class JoltEngine(NodeEngine):
     name: ClassVar[str] = "jolt"
     package: ClassVar[str] = "trebucheck-jolt"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
-    slop: ClassVar[float] = OPENING
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = body_capabilities(
         "Cartesian coordinates in single precision, joints and limits by sequential "

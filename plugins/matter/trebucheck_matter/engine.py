@@ -68,7 +68,6 @@ class MatterEngine(NodeEngine):
     name: ClassVar[str] = "matter"
     package: ClassVar[str] = "trebucheck-matter"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = Capabilities(
         joint_reactions=False,
         stop_torques=False,

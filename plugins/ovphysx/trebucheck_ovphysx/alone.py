@@ -17,7 +17,6 @@ from trebucheck.engines.study import filled_template
 from trebucheck.models.problem import Problem
 from trebucheck_toolkit.body_plan import BodyPlan
 from trebucheck_toolkit.body_program import upright
-from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_scene import Json
 
 MACHINE = "machine"
@@ -33,7 +32,6 @@ class Plan(BodyPlan):
     engine: ClassVar[str] = "ovphysx"
     widest: ClassVar[float] = 2000.0 * math.pi
     """PhysX takes no infinite end of a limit on one side."""
-    slop: ClassVar[float] = OPENING
     survives_forks: ClassVar[bool] = False
 
     def __init__(self, problem: Problem, options: Any) -> None:

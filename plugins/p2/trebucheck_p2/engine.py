@@ -17,7 +17,6 @@ from pydantic import Field
 from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
 from trebucheck_toolkit.node_scene import NodeScene, body_capabilities
@@ -71,8 +70,6 @@ class P2Engine(NodeEngine):
     name: ClassVar[str] = "p2"
     package: ClassVar[str] = "trebucheck-p2"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
-    slop: ClassVar[float] = OPENING  # a limit acts in the steps that begin beyond it
     capabilities: ClassVar[Capabilities] = body_capabilities(
         "Cartesian coordinates, joints and limits by regularized impulses, semi-implicit Euler",
     )

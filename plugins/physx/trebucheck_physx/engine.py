@@ -18,7 +18,6 @@ from trebucheck.engines.protocol import Capabilities
 from trebucheck.engines.study import EngineStudy
 from trebucheck.engines.supplied import Assistance
 from trebucheck.models.spec import Positive
-from trebucheck_toolkit.gap_releases import OPENING
 from trebucheck_toolkit.kept_limits import HELD_FROM_BOTH_SIDES
 from trebucheck_toolkit.node_engine import ALONE, NodeEngine
 from trebucheck_toolkit.node_package import NodePackage
@@ -79,8 +78,6 @@ class PhysxEngine(NodeEngine):
     name: ClassVar[str] = "physx"
     package: ClassVar[str] = "trebucheck-physx"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
-    slop: ClassVar[float] = OPENING  # rounding opens a limit by 1e-6 rad, in some steps
     within_half_a_turn: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = body_capabilities(
         "Cartesian coordinates in single precision, joints and limits by sequential "

@@ -87,7 +87,6 @@ class PlanckEngine(NodeEngine):
     name: ClassVar[str] = "planck"
     package: ClassVar[str] = "trebucheck-planck"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
     slop: ClassVar[float] = OWN["angular_slop"]
     capabilities: ClassVar[Capabilities] = body_capabilities(
         "Cartesian coordinates, joints and limits by sequential impulses, semi-implicit Euler",

@@ -85,7 +85,6 @@ class RapierEngine(NodeEngine):
     name: ClassVar[str] = "rapier"
     package: ClassVar[str] = "trebucheck-rapier"
     tables: ClassVar[EngineStudy] = STUDY
-    reads_back: ClassVar[bool] = True
     capabilities: ClassVar[Capabilities] = replace(
         body_capabilities(
             "Cartesian coordinates in single precision, joints and limits by impulses in "

@@ -78,9 +78,11 @@ class BodySteps:
         forces: of each joint that holds anything on its child, in the scene's axes, shape
             (n, joints, 2) [N]; None: the engine tells none.
         torques: of each stop that was built, zero where it does not push, shape (n,) [N m]; None:
-            the engine tells none, and releases are those of the gaps (:mod:`.gap_releases`).
-        slop: error of angles that the engine lets be [rad].
-        opening: gap from which releases are looked back for, where there are no torques [rad].
+            the engine tells none, and releases are those of the gaps.
+        slop: angle by which limits may give way without being open [rad].
+        opening: gap from which releases are looked back for (:mod:`.gap_releases`) [rad]; None:
+            torques tell them, where there are any. They do not where rounding opens limits that
+            are held, and closes them after their release.
         at_end: whether a step's forces are those at its end.
     """
 
@@ -91,8 +93,8 @@ class BodySteps:
     states: FloatArray
     forces: FloatArray | None = None
     torques: Mapping[str, FloatArray] | None = None
-    slop: float = 0.0
-    opening: float = OPENING
+    slop: float = OPENING
+    opening: float | None = None
     at_end: bool = False
 
     def recording(self, q: FloatArray, u: FloatArray) -> Recording:
@@ -103,14 +105,16 @@ class BodySteps:
         if self.forces is not None:
             found = replace(found, joint_reactions=self._reactions(self.forces))
         if self.torques is None:
-            return replace(found, release_times=releases(self.samples, self.opening))
+            return replace(found, release_times=releases(self.samples, self.opening or OPENING))
         stops = self.problem.mechanism.stops
         none = np.zeros(len(self.t) - 1)
         torques = {stop.name: self.torques.get(stop.name, none) for stop in stops}
         return replace(
             found,
             stop_torques={name: self._at_samples(torque) for name, torque in torques.items()},
-            release_times={
+            release_times=releases(self.samples, self.opening)
+            if self.opening is not None
+            else {
                 stop.name: self._release(stop, torques[stop.name])
                 if stop.closed and isinstance(stop, Stop)
                 else None

@@ -18,6 +18,7 @@ from trebucheck.models.problem import Problem, StopLaw
 
 from .alone import BodySteps
 from .body_program import UprightScene, apart, body_program, run_program, scene_states
+from .gap_releases import OPENING
 from .kept_limits import LIMITS_TAKEN_OUT, KeepLimits
 from .node_scene import MIRROR, NodeScene, joint_limits, lawful_stops
 
@@ -42,7 +43,7 @@ class BodyPlan:
     """Angle of a limit that stands for none [rad]."""
     within_half_a_turn: ClassVar[bool] = False
     """Whether the engine knows the angle of a limit within half a turn only."""
-    slop: ClassVar[float] = 0.0
+    slop: ClassVar[float] = OPENING
     """Angle by which limits may give way without being open [rad]."""
     at_end: ClassVar[bool] = False
     """Whether a step's forces are those at its end."""

@@ -6,20 +6,23 @@ subclass of :class:`NodeEngine`; `trebucheck plugin new --node` writes the three
 
 - `options`: the engine with its options, as fields;
 - `problem`; `scene`, `names`: bodies as :class:`.NodeScene` has them, and their names;
-- `joints`: as the scene has them, with the names of their bodies as `a` and `b`, and `limits`, the
-  least and greatest angle of `b` less that of `a` [rad], each a number or None, or None of joints
-  without limits;
+- `joints`: of each its `kind`: "pin"; "slide", which holds the angle of `b` to that of `a` and its
+  point to a line of `a`; "slot", which holds the point alone; or "weld". The names of its bodies,
+  `a` and `b`, one of which may be "ground"; `pointA` and `pointB` of each [m]; the line's direction
+  `axis` where it has one; and `limits`, the least and greatest angle of `b` less that of `a` [rad],
+  each a number or None, or None of joints without limits;
 - `limited`: indices of the joints with limits;
 - `stops`: those that the law has, each with its `joint`, its `angle` from the start [rad], its
   `side`, 1 where that is the least angle and -1 where it is the greatest, and whether it is
   `closed`;
 - `gravity`: of the scene [m/s^2];
-- `moves_mass`: whether point masses have some inertia by mass moved along their pins.
+- `moves_mass`: whether point masses have some inertia by mass moved along their pins;
+- what :meth:`NodeEngine._values` of the subclass returns.
 
 Where the capabilities have `joint_reactions`, its `step()` returns x and y of the force of each
 joint on `b` [N], and after them, where they have `stop_torques`, the torque on `b` of the limits of
-each joint in `limited` [N m]. If `reads_back` is true, it has `built()`, numbers as
-:func:`.node_inspect.inspected` takes them.
+each joint in `limited` [N m]. Its `built()` returns what the world holds, for the model check: the
+numbers of bodies, joints and gravity that :func:`.node_inspect.inspected` takes.
 """
 
 from __future__ import annotations
@@ -40,7 +43,6 @@ from trebucheck.engines.protocol import BuiltinEngine, Recording
 from trebucheck.engines.supplied import Assistance, Part, Supplied
 from trebucheck.models.arrays import FloatArray
 from trebucheck.models.elements import GROUND
-from trebucheck.models.errors import UnsupportedProblemError
 from trebucheck.models.mechanism import Mechanism
 from trebucheck.models.problem import Problem
 
@@ -68,10 +70,8 @@ class NodeEngine(BuiltinEngine):
     npm: ClassVar[NodePackage]
     within_half_a_turn: ClassVar[bool] = False
     """Whether the engine knows the angle of a limit within half a turn only."""
-    slop: ClassVar[float] = 0.0
+    slop: ClassVar[float] = OPENING
     """Angle by which limits may give way without being open [rad]."""
-    reads_back: ClassVar[bool] = False
-    """Whether the program can tell what the world holds."""
     assistance: ClassVar[tuple[Assistance, ...] | None] = (
         Assistance(
             Part.MODEL,
@@ -110,18 +110,12 @@ class NodeEngine(BuiltinEngine):
         return 2.0**-24 if self.tables.single_precision(self.settings) else 2.0**-53
 
     @property
-    def release_gap(self) -> float:
-        """Gap from which releases are looked back for, if no torque tells them [rad]."""
-        return OPENING
+    def release_gap(self) -> float | None:
+        """Gap from which releases are looked back for [rad]; None: torques tell them, if any do."""
+        return None
 
     def inspect(self, mechanism: Mechanism, states: Sequence[State]) -> Inspection:
-        """Inspect the built world in each state, without masses moved along pins for the motion.
-
-        Raises:
-            UnsupportedProblemError: the program does not tell what the world holds.
-        """
-        if not self.reads_back:
-            raise UnsupportedProblemError(f"our adapter reads no built world of {self.name} back.")
+        """Inspect the built world in each state, without masses moved along pins for the motion."""
         self.refuse_absence()
         # Neither duration nor steps play a part in what is read back, nor do stops.
         problem = Problem.model_construct(

@@ -10,7 +10,10 @@ An engine's own part is its template `alone.mjs.j2`, with functions
 
 - `state(name)`: x, y, angle, and their rates of a body;
 - `apply(name, force, torque)`: given to a body for the next step;
-- `step()`: takes a step, and returns numbers that it tells of it.
+- `step()`: takes a step, and returns numbers that it tells of it;
+- `built()`: numbers that the world holds, for the model check.
+
+The name may be "ground", whose state is zeros and which takes any force.
 
 An engine that knows angles within a turn only calls `counted(name, angle)` in `state`, for the
 angle counted on from the start. Each body turns by less than half a turn in a step.
