@@ -29,11 +29,10 @@ def check(
     timestep: float | None = None,
     timeout: float = 600.0,
     isolate: bool = True,
+    diagnose: bool = True,
     **tolerances: float | str,
 ) -> Run:
-    """Assert that an engine agrees with the reference.
-
-    For example `tb.check("mujoco", "fixed", position=1e-6, energy="0.1%")`.
+    """Assert that an engine agrees with the reference: `tb.check("mujoco", "fixed", energy=1e-6)`.
 
     Args:
         engine: NAME, NAME/PRESET, or the same with 'package.module:Class' for the name; or an
@@ -46,8 +45,8 @@ def check(
         options: of the engine, over its preset's.
         timestep: of the engine [s]; its preset's own if left out.
         timeout: longest wait for the run [s].
-        isolate: run the engine in a process of its own, so that its crash fails the check and
-        nothing else.
+        isolate: run the engine in a process of its own, so that its crash fails only the check.
+        diagnose: look for the cause of what is broken, which runs the engine again, several times.
         tolerances: by quantity as `trebucheck compare --tolerance` takes them, with '_' for '-': in
             the quantity's unit, or in parts of its scale as '0.1%'. Only these quantities are
             judged; where none is named all are, by the engine's claims and the default.
@@ -78,6 +77,7 @@ def check(
         tolerances={_title(name): value for name, value in tolerances.items()},
         timeout=timeout,
         isolate=isolate,
+        diagnose=diagnose,
     )
     with study.worker() as worker:
         runs = MachineRuns(study, study.mechanisms[0], worker)
