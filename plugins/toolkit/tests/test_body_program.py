@@ -127,3 +127,13 @@ def test_every_element_acts_as_the_reference_has_it_and_samples_are_the_programs
         right = truth.trajectory(found["t"])
         errors.append(float(np.abs(made.q - right.q).max()))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_program_ends_with_the_first_state_that_is_not_finite(module: str) -> None:
+    problem = tb.Problem(_loose_bodies(), duration=0.5)
+    scene = NodeScene(problem.mechanism, "five lines")
+    text = body_program(module, UprightScene(scene), problem, 0.01, scene=scene, zip=zip)
+    lost = "    if len(told) == 2:\n        bodies[BODIES[1]] = (np.nan,) * 6\n    return [0.0]"
+    found = run_program(text.replace("    return [0.0]", lost))
+    assert np.isfinite(found["states"][:3]).all() and np.isnan(found["states"][3, 1]).all()
+    assert [len(found[name]) for name in ("t", "q", "u", "states", "told")] == [4, 4, 4, 4, 3]
