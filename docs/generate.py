@@ -226,11 +226,8 @@ def write_agreement() -> None:
     comparison = tb.compare()
     page = ROOT / "docs" / "agreement.md"
     text = markdown.with_block(page.read_text(), "agreement", agreement_table(comparison))
-    page.write_text(
-        markdown.with_block(
-            text, "other machines", agreement_table(tb.compare(OTHERS, presets=[ASSISTED]))
-        )
-    )
+    others = agreement_table(tb.compare(OTHERS, presets=[ASSISTED]))
+    page.write_text(markdown.with_block(text, "other machines", others))
     write_picture(picture(distance_plots(comparison)), ROOT / "docs" / "pictures" / "distance.svg")
 
 
@@ -364,17 +361,11 @@ def write_proved() -> None:
         known = ProofFile.from_json(path.read_text())
         launches = (each for each in known.figures if each.name == "launch of projectile")
         figure = next(launches, known.figures[-1])
-        rows.append(
-            (
-                f"[{path.stem}](proofs/{path.name})",
-                "launch" if known.until is None else f"{known.until:g} s",
-                f"{len(known.figures)}",
-                f"{known.bits}",
-                f"{known.steps}",
-                f"{known.processor_time:.1f} s",
-                f"{figure.name}: {figure.value} {figure.unit}",
-            )
-        )
+        until = "launch" if known.until is None else f"{known.until:g} s"
+        counts = map(str, (len(known.figures), known.bits, known.steps))
+        cost, value = f"{known.processor_time:.1f} s", f"{figure.value} {figure.unit}"
+        link = f"[{path.stem}](proofs/{path.name})"
+        rows.append((link, until, *counts, cost, f"{figure.name}: {value}"))
     titles = ("model", "to", "figures", "bits", "steps", "processor time", "one of its figures")
     blocks: list[Block] = [table(titles, rows)]
     left = json.loads((folder / _NOT_PROVED).read_text())
@@ -496,9 +487,7 @@ def asked_first(path: Path) -> str:
         for what, step in presets.get("default", {}).get("to_a_percent", {}).items()
     ]
     if kept:
-        sentences.append(
-            f"With nothing set but the step, a percent is kept of {' and of '.join(kept)}."
-        )
+        sentences.append(f"With only the step set, a percent is kept of {' and of '.join(kept)}.")
     sentences.append(
         "Forces of joints are told: on the second body, in the world's axes."
         if told["reactions"]
@@ -512,7 +501,21 @@ def asked_first(path: Path) -> str:
             "interface; the run is this program:\n\n"
             f"```{told['language']}\n{told['program']}\n```\n"
         )
-    return text
+    return text + releases(path.parents[1] / "releases" / path.name)
+
+
+def releases(path: Path) -> str:
+    """With which releases the program runs, as `plugins/releases.py` has it; '' if not known."""
+    if not path.exists():
+        return ""
+    told = json.loads(path.read_text())
+    since, tested, error = told["since"], told["tested"], told.get("error")
+    row = f"{tested} alone" if since == tested else f"{since} to {tested}"
+    before = f"{told['before']} {told['how']}" if told["before"] else "there is none before"
+    return (
+        "\nThe program moves the rod the same, to a thousandth of its swing, with "
+        f"`{told['package']}` {row}; {before}{f': `` {error} ``' if error else ''}.\n"
+    )
 
 
 _ANSWERS_HEAD = (
@@ -596,11 +599,7 @@ def _argument(parameter: inspect.Parameter) -> str:
     text = repr(default)
     if isinstance(default, Enum):
         text = str(default.value)
-    if (
-        isinstance(default, frozenset)
-        and default
-        and all(isinstance(kind, type) for kind in default)
-    ):
+    if isinstance(default, frozenset) and any(isinstance(kind, type) for kind in default):
         # The order of a set differs from run to run.
         text = f"frozenset({{{', '.join(sorted(kind.__name__ for kind in default))}}})"
     return f"{stars}{parameter.name}{typed} = {text}"

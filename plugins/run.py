@@ -1,10 +1,11 @@
 """Runs the plug-ins, each in an environment of its own, and keeps what the matrix shows of them.
 
 Of each: install it with trebucheck, run its tests, the suite of conformance, a comparison on every
-problem, sweeps of its time step, and what its users ask first (`answers.py`); then write
-`results/NAME.json` and `answers/NAME.json`. A stage that has ended, well
-or not, is not run again while trebucheck and the plug-in are the same files; `--again` runs all of
-it. What fails is listed at the end, and nothing else is lost.
+problem, sweeps of its time step, what its users ask first (`answers.py`), and with which releases
+of the engine (`releases.py`); then write `results/NAME.json`, `answers/NAME.json` and
+`releases/NAME.json`. A stage that has ended, well or not, is not run again while trebucheck and the
+plug-in are the same files; `--again` runs all of it. What fails is listed at the end, and nothing
+else is lost.
 
 Called by `make plugins`; needs nothing but Python: python plugins/run.py SOURCE [--budget SECONDS]
 [--again] [--no-diagnose] [--commit NAME] NAME...
@@ -106,9 +107,10 @@ class Plugin:
                 self.stage(
                     f"{study} {name}", lambda s=study, n=name, of=batch: self.studied(s, n, of)
                 )
-        answers = [python, str(HERE / "answers.py"), self.name]
-        answers.append(str(HERE / "answers" / f"{self.name}.json"))
-        self.stage("answers", lambda: self.call(answers, 20 * self.budget))
+        for asked in ("answers", "releases"):
+            written = str(HERE / asked / f"{self.name}.json")
+            command = [python, str(HERE / f"{asked}.py"), self.name, written]
+            self.stage(asked, lambda of=command: self.call(of, 20 * self.budget))
         self.stage("matrix", self.matrix, always=True)
         conform = [
             *self.trebucheck("conform", f"{self.name}/assisted"),

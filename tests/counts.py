@@ -42,7 +42,7 @@ CEILINGS: dict[str, float] = {
     # proofs; an implicit method for stiff motions; Exudyn and pymunk follow recorded efforts; what
     # public model files had that was not read, or not told, and what pymunk moves of them; stiff
     # motions go on over instants, and without Numba
-    "lines": 75999,
+    "lines": 75998,
     # A process that throws machines imports no engine: what it does is a module. What a mechanism
     # was read from, and what moves that file as it is, are one each; an element is one. Stiff
     # motions are one, and rotors as a part of moments, which pymunk and plug-ins build
