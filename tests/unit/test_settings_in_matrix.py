@@ -98,11 +98,22 @@ EXCEPTIONS: dict[tuple[str, str, str], str] = {
         (engine, problem, Outcome.TIMED_OUT): "its shorter steps do not end within 120 s"
         for engine, problems in (
             ("cannon", ("squeezer", "three-cranks")),
-            ("ovphysx", ("damped-oscillator", "high-pendulum", "oscillator", "torsion-pendulum")),
-            ("newton", ("high-pendulum",)),
-            ("pydy", ("n-four-bar", "singular-slider-crank", "three-cranks")),
+            ("ovphysx", ("torsion-pendulum",)),
         )
         for problem in problems
+    },
+    **{
+        ("pydy", problem, Outcome.FAILED): "a singular position has no solution by dependent "
+        "speeds: it is approached in ever shorter steps, and the default passes it elsewhere"
+        for problem in ("n-four-bar", "three-cranks")
+    },
+    **{
+        ("pydy", "singular-slider-crank", metric): "both go on in another branch after a singular "
+        "position, with errors as large as the range"
+        for metric in (
+            *("angular_speed_max", "joint_reaction_max"),
+            *("kinetic_energy_max", "potential_energy_max"),
+        )
     },
     **{
         (engine, problem, "stop_torque_max"): why
