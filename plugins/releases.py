@@ -18,6 +18,7 @@ import sysconfig
 import tempfile
 import venv
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Timer
 from typing import Any
@@ -110,18 +111,19 @@ def moved(command: Sequence[str], program: str, folder: str) -> FloatArray:
         limit.start()
         assert process.stdin is not None
         assert process.stdout is not None
-        process.stdin.write(program)
-        process.stdin.close()
+        with suppress(OSError), process.stdin as given:  # it may end without reading
+            given.write(program)
         # Not read to its end: Node.js may wait there for what it compiles beside a program.
         line = next((each for each in process.stdout if each.startswith('{"')), "")
+        in_time = limit.is_alive()
         limit.cancel()
         process.kill()
         process.wait()
         complaints.seek(0)
         text = complaints.read()
     if not line:
-        errors = _ERROR.findall(text)
-        raise RuntimeError(errors[-1] if errors else "it ended without a result")
+        errors = _ERROR.findall(text) or ["it ended without a result"]
+        raise RuntimeError(errors[-1] if in_time else f"it takes longer than {LIMIT:g} s")
     return np.array(json.loads(line)["q"], dtype=float)
 
 
@@ -168,7 +170,7 @@ def main() -> None:
     source = Pypi(engine.package) if npm is None else Npm(npm.package)
     found = since(source, engine.version(), program)
     if found["since"] is None:
-        raise SystemExit(f"{name}: the tested release {found['before']} {found['how']}")
+        raise SystemExit(f"{name}: {found['before']} {found['how']}: {found.get('error', '')}")
     Path(out).parent.mkdir(parents=True, exist_ok=True)
     Path(out).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 

@@ -190,8 +190,8 @@ def predictable(machine: Machine) -> str:
     horizon = machine.predictability
     if horizon is not None:
         rows = zip(horizon.times, horizon.parameters, horizon.start, strict=True)
-        grown = ", ".join(f"{_growth(p)} ({_growth(s)}) by {t:.4g} s" for t, p, s in rows)
-        text += f" Relative errors of parameters (of the start) are stretched {grown}."
+        grown = ", ".join(f"by {_growth(p)} and {_growth(s)} at {t:.4g} s" for t, p, s in rows)
+        text += f" Relative errors of parameters and of the start are multiplied {grown}."
     passed = machine.singular_positions
     if not passed:
         return text
@@ -208,7 +208,7 @@ def predictable(machine: Machine) -> str:
 
 
 def _growth(factor: float | None) -> str:
-    return "without limit" if factor is None else f"{factor:.2g} times"
+    return "infinity" if factor is None else f"{factor:.2g}"
 
 
 def partings(machine: Machine, runs: Iterable[Run]) -> Iterator[doc.Text]:
