@@ -505,7 +505,7 @@ def asked_first(path: Path) -> str:
 
 
 def releases(path: Path) -> str:
-    """With which releases the program runs, as `plugins/releases.py` has it; '' if not known."""
+    """Tell the releases that the program runs with, by `plugins/releases.py`; '' if not known."""
     if not path.exists():
         return ""
     told = json.loads(path.read_text())
