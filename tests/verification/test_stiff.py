@@ -227,5 +227,7 @@ def test_without_accelerations_the_stages_do_not_converge() -> None:
         while stepper.t < 9.0:
             stepper.step()
 
-    with pytest.raises(tb.SimulationError, match=r"t = 1.5 s"):
+    with pytest.raises(tb.SimulationError, match=r"t = 1\.(49999|5) s"):
         to_the_end()
+    # Steps are halved until the central differences of the accelerations reach beyond 1.5.
+    assert 1.5 / (1 + np.cbrt(np.finfo(float).eps)) < stepper.t <= 1.5
