@@ -467,7 +467,7 @@ def write_engine_pages() -> None:
 
 
 def asked_first(path: Path) -> str:
-    """What the users of an engine ask first, as `plugins/answers.py` has measured it.
+    """Answers to what the users of an engine ask first, by `plugins/answers.py`.
 
     Returns:
         A section of Markdown; '' of an engine without such a file.

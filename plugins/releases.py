@@ -18,16 +18,18 @@ import sysconfig
 import tempfile
 import venv
 from collections.abc import Sequence
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 import numpy as np
 from answers import AMPLITUDE, made, own_program, tried
+from trebucheck.comparisons.runs.process import Worker
 from trebucheck.comparisons.runs.tolerances import DEFAULT as TOLERATED
 from trebucheck.engines.presets import SETTINGS
 from trebucheck.models.arrays import FloatArray
+from trebucheck.models.errors import SimulationError
+from trebucheck_toolkit.node_package import NodePackage
 
 LIMIT = 120.0  # [s] of a run
 INSTALLATION = 900.0  # [s]
@@ -49,15 +51,19 @@ class Npm:
         self.package = package
 
     def releases(self) -> list[str]:
-        """All of them, oldest first."""
-        listed = _told(["npm", "view", self.package, "versions", "--json"])
-        return json.loads(listed)
+        """Releases of the package, oldest first."""
+        return json.loads(_told(["npm", "view", self.package, "versions", "--json"]))
 
-    def install(self, release: str, folder: str) -> list[str]:
-        """Install one; returns the command that runs a program with it."""
+    def install(self, release: str, folder: str) -> None:
+        """Install one in a folder; RuntimeError if that fails."""
         quiet = ["--no-package-lock", "--no-audit", "--no-fund", "--prefix", folder]
         _told(["npm", "install", *quiet, f"{self.package}@{release}"])
-        return ["node", "--input-type=module", "-"]
+
+    def moved(self, program: str, folder: str) -> Any:
+        """Coordinates that a program moves; SimulationError if it does not run."""
+        node = NodePackage(self.package, self.package, module="", folder=Path(folder))
+        with Worker(timeout=LIMIT) as worker:
+            return worker.compute(partial(node.run, program), self.package)["q"]
 
 
 class Pypi:
@@ -67,64 +73,56 @@ class Pypi:
         self.package = package
 
     def releases(self) -> list[str]:
-        """All of them, oldest first."""
+        """Releases of the distribution, oldest first."""
         listed = _told([sys.executable, "-m", "pip", "index", "versions", self.package])
         return listed.partition("Available versions: ")[2].splitlines()[0].split(", ")[::-1]
 
-    def install(self, release: str, folder: str) -> list[str]:
-        """Install one; returns the command that runs a program with it.
+    def install(self, release: str, folder: str) -> None:
+        """Install one over this environment, whose packages stay as they are where it takes them.
 
-        It is over this environment, whose packages stay as they are where the release takes them.
+        Raises:
+            RuntimeError: that fails.
         """
         venv.create(folder, clear=True)
-        python = str(Path(folder) / "bin" / "python")
+        python = _python(folder)
         own = _told([python, "-c", _SITE]).strip()
         Path(own, "others.pth").write_text(sysconfig.get_path("purelib") + "\n", encoding="utf-8")
         _told([python, "-m", "pip", "install", "--quiet", f"{self.package}=={release}"])
-        return [python, "-c", _PRINTED]
+
+    def moved(self, program: str, folder: str) -> Any:
+        """Coordinates that a program moves; SimulationError if it does not run."""
+        try:
+            done = subprocess.run(
+                [_python(folder), "-c", _PRINTED],
+                check=False,
+                capture_output=True,
+                text=True,
+                input=program,
+                cwd=folder,
+                timeout=LIMIT,
+            )
+        except subprocess.TimeoutExpired:
+            raise SimulationError(f"it takes longer than {LIMIT:g} s") from None
+        # It may print more before and after.
+        line = next((each for each in done.stdout.splitlines() if each.startswith('{"q"')), "")
+        if not line:
+            errors = _ERROR.findall(done.stderr) or ["it ended without a result"]
+            raise SimulationError(errors[-1])
+        return json.loads(line)["q"]
+
+
+def _python(folder: str) -> str:
+    return str(Path(folder) / "bin" / "python")
 
 
 def _told(command: Sequence[str]) -> str:
-    """What a command prints; RuntimeError if it fails."""
+    """Standard output of a command; RuntimeError if it fails."""
     done = subprocess.run(
         command, check=False, capture_output=True, text=True, timeout=INSTALLATION
     )
     if done.returncode:
         raise RuntimeError(f"{command[0]} ended with the code {done.returncode}")
     return done.stdout
-
-
-def moved(command: Sequence[str], program: str, folder: str) -> FloatArray:
-    """Coordinates that a program moves, shape (n, 1); RuntimeError if it does not run."""
-    with (
-        tempfile.TemporaryFile("w+") as complaints,
-        subprocess.Popen(
-            command,
-            cwd=folder,
-            text=True,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=complaints,
-        ) as process,
-    ):
-        limit = Timer(LIMIT, process.kill)
-        limit.start()
-        assert process.stdin is not None
-        assert process.stdout is not None
-        with suppress(OSError), process.stdin as given:  # it may end without reading
-            given.write(program)
-        # Not read to its end: Node.js may wait there for what it compiles beside a program.
-        line = next((each for each in process.stdout if each.startswith('{"')), "")
-        in_time = limit.is_alive()
-        limit.cancel()
-        process.kill()
-        process.wait()
-        complaints.seek(0)
-        text = complaints.read()
-    if not line:
-        errors = _ERROR.findall(text) or ["it ended without a result"]
-        raise RuntimeError(errors[-1] if in_time else f"it takes longer than {LIMIT:g} s")
-    return np.array(json.loads(line)["q"], dtype=float)
 
 
 def since(source: Npm | Pypi, tested: str, program: str) -> dict[str, Any]:
@@ -141,13 +139,14 @@ def since(source: Npm | Pypi, tested: str, program: str) -> dict[str, Any]:
         print(f"{source.package} {release}", flush=True)
         with tempfile.TemporaryDirectory() as folder:
             try:
-                command = source.install(release, folder)
+                source.install(release, folder)
             except (RuntimeError, subprocess.TimeoutExpired):
                 return found | {"before": release, "how": "could not be installed"}
             try:
-                q = moved(command, program, folder)
-            except RuntimeError as error:
-                said = " ".join(str(error).replace(folder, ".").split())
+                q = np.array(source.moved(program, folder), dtype=float)
+            except SimulationError as error:
+                text = str(error).removeprefix(f"{source.package} failed: ")
+                said = " ".join(text.replace(folder, ".").split())
                 return found | {"before": release, "how": "fails", "error": said}
         right = q if right is None else right
         if q.shape != right.shape:

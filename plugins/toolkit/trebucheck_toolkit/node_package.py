@@ -26,7 +26,7 @@ from trebucheck.models.errors import SimulationError
 ARRAYS = Path(__file__).with_name("node_arrays.cjs")
 """What programs write arrays with."""
 _ABSENT = "not installed"
-_ERROR = re.compile(r"^\w*Error: .{1,500}", re.MULTILINE)
+_ERROR = re.compile(r"^\w*Error(?: \[\w+\])?: .{1,500}", re.MULTILINE)
 
 
 @dataclass(frozen=True)

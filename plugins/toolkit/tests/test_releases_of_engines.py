@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-PLUGINS = Path(__file__).parents[2] / "plugins"
-RIGHT = "print('loading'); print('{\"q\": [[0.5], [0.25]]}')"
-SAME = "print('{\"q\": [[0.5], [0.25001]]}')"
-ELSEWHERE = "print('{\"q\": [[0.5], [0.3]]}')"
-LONGER = "print('{\"q\": [[0.5], [0.25], [0.1]]}')"
+PLUGINS = Path(__file__).parents[2]
+RIGHT = "import numpy; print('loading'); q = numpy.array([[0.5], [0.25]])"
+SAME = "import numpy; q = numpy.array([[0.5], [0.25001]])"
+ELSEWHERE = "import numpy; q = numpy.array([[0.5], [0.3]])"
+LONGER = "import numpy; q = numpy.array([[0.5], [0.25], [0.1]])"
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.syspath_prepend(PLUGINS)
     releases = importlib.import_module("releases")
 
-    class Kept(releases.Npm):
+    class Kept(releases.Pypi):
         def __init__(self, programs: Mapping[str, str]) -> None:
             super().__init__("its-package")
             self.programs = programs
@@ -31,11 +31,15 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Any:
         def releases(self) -> list[str]:
             return list(self.programs)
 
-        def install(self, release: str, folder: str) -> list[str]:
+        def install(self, release: str, folder: str) -> None:
             if not self.programs[release]:
                 raise RuntimeError
-            return [sys.executable, "-c", self.programs[release]]
+            self.installed = self.programs[release]
 
+        def moved(self, program: str, folder: str) -> Any:
+            return super().moved(program or self.installed, folder)
+
+    monkeypatch.setattr(releases, "_python", lambda folder: sys.executable)
     return lambda programs: releases.since(Kept(programs), "1.2", "")
 
 
